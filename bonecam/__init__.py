@@ -6,7 +6,7 @@
 
 `machine`, `tool`, `mesh`, `surface`, `workholding`, `setup`, `levels`, `material`, `mechanics`, `planning`, `nc`,
 `verify` and `report` are the stages, in the order of the flow. Names load when first used; `__init__.pyi` lists them.
-Plugins add names of their own (`bonecam.plugins`): `MeshSet`, `compare`, `post`, `blades`.
+Plugins add names of their own (`bonecam.plugins`).
 """
 
 from typing import Any

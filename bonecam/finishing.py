@@ -32,7 +32,6 @@ from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.typed import report_to_program
 from bonecam.report.warnings import NOT_ASKED, NOT_KNOWN, header_texts, with_warnings
 from bonecam.runtime.timing import StageTimes
-from bonecam.surface.blades import blade_solid, has_blunt_edge
 from bonecam.surface.files.surface_input import (
     check_on_solids,
     check_outward,
@@ -43,9 +42,11 @@ from bonecam.surface.files.surface_input import (
     read_solid,
     refuse_changes,
 )
+from bonecam.surface.skinning import blade_solid, has_blunt_edge
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
 from bonecam.verify.proof import CHORD, prove_surface_removal
+from bonecam.workholding.clamping import clamping_of
 
 OWN_CHORD = 0.002
 """Largest chord tolerance (mm) of the solid that the surface bounds: MESH_SHARE of the gouge allowed by default."""
@@ -108,7 +109,7 @@ def finish(
             )
         figures |= report_to_program(program, *proved, job=job.path, part=workpiece.solid)
         figures = with_warnings({**figures, "removal": NOT_SIMULATED}, job)
-        finished = Finished(workpiece, proved.paths[0], proved.program, figures, job)
+        finished = Finished(workpiece, proved.program, figures, job, proved.paths[0])
         if simulation:
             finished = _simulated(finished, name, times, part_of(progress, 0.9, 1.0), mechanics=mechanics)
         finished = replace(finished, report={**finished.report, "seconds": times.seconds})
@@ -124,7 +125,7 @@ def _simulated(finished: Finished, name: str, times: StageTimes, progress: Progr
     bodies = finished.job, workpiece.surface, workpiece.solid
     with times.stage("simulation"), refusing(finished.program, [finished.path]), knowing(finished.report), naming(name):
         removal, unknown = prove_surface_removal(text, machine, dialect, *bodies, progress, mechanics=mechanics)
-        return with_removal(finished, removal, {"skipped": unknown} if unknown else NOT_ASKED)
+        return with_removal(finished, removal, skipped={"skipped": unknown} if unknown else NOT_ASKED)
 
 
 @contextmanager
@@ -193,7 +194,8 @@ def _planned(
         job = replace(job, holding=surface_holding(job.holding, surface, solid))
         workpiece = stand_workpiece(surface, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
-        return workpiece, job, plan_surface(workpiece, job, limits)
+        scene = workpiece.scene(job, clamping_of(job.holding, limits.bodies.table))
+        return workpiece, job, plan_surface(workpiece, scene, job, limits)
 
 
 def _figures(workpiece: Workpiece, path: ToolPath, job: Job, source: File, solids: int) -> dict[str, Any]:

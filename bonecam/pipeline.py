@@ -180,7 +180,7 @@ def _program_of(morphed: Morphed, posting: Posting, progress: Progress, simulati
             cut = result.program.text, posting.machine, posting.dialect, *stands
             removal = prove_removal(*cut, share, given, mechanics=mechanics)
             reported = {"feed": feed(removal, result.program.time_min)} if feed else {}
-            result = with_removal(result, removal, **reported)
+            result = with_removal(result, removal, reported)
     if job.holding.second:
         share = part(progress, 0.9, 1.0)
         with times.stage("second"), knowing(result.report, part="second"):

@@ -18,6 +18,7 @@ All in millimetres; binary PLY, float32, closed and outward. Make them again wit
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from bonecam_meshes.phalanx import write
@@ -25,7 +26,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.surface import Impeller, impeller, skin
+from bonecam.plugins import added
+from bonecam.surface import skin
 
 BLADES = 11
 """Blades of the wheel."""
@@ -98,13 +100,13 @@ def sections(first: float = 0.0) -> list[Float[ndarray, "n 3"]]:
     return [section(float(span)) for span in np.linspace(first, 1.0, SECTIONS)]
 
 
-def make() -> Impeller:
-    """Hub, casing and all blades as closed solids."""
+def make() -> Any:
+    """Hub, casing and all blades as closed solids, by the plugin for wheels (`bonecam.wheels.impeller`)."""
     blade = skin(sections(-BURIED), 0.005)
     share = np.linspace(0.0, 1.0, 400)
     gap = CLEARANCE / (SHROUD[1] - HUB[1])
     hub, shroud = (meridian(span, share) for span in (0.0, 1.0 + gap))
-    return impeller(blade, hub, shroud, BLADES, chord_tolerance=CHORD)
+    return added("names", "wheels").impeller(blade, hub, shroud, BLADES, chord_tolerance=CHORD)
 
 
 def joined(meshes: tuple[TriangleMesh, ...]) -> TriangleMesh:

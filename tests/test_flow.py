@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ORDER = [
-    *"errors plugins progress arrays runtime files text machine job kernels tool mesh surface".split(),
+    *"errors progress arrays plugins runtime files text machine job kernels tool mesh surface".split(),
     *"workholding setup levels material mechanics planning nc verify report".split(),
     *"machining second_clamping pipeline simulation finishing batch cli".split(),
     "wheels",
@@ -16,7 +16,7 @@ ORDER = [
 ROOMS = {
     "runtime": "threads loading compiling timing own_files staging worker".split(),
     "surface": [
-        *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning blades".split(),
+        *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning".split(),
         *"growth files part_surface".split(),
     ],
     "levels": [
@@ -30,6 +30,7 @@ ROOMS = {
         "surface_paths",
     ],
     "batch": "run cluster".split(),
+    "wheels": "wheel tables channels proof results blading commands".split(),
     "verify": "gouge readback sweeping findings clearances removal control proof".split(),
     "report": [
         *"warnings stage_reports typed tables summary pictures page sheet machine_picture kept".split(),
@@ -43,8 +44,8 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__
 DOORS = {
     "osqp": {"levels/solvers/osqp.py"},
     "fcl": {"planning/collision.py"},
-    "matplotlib": {"report/pictures.py", "report/machine_picture.py"},
-    "contourpy": {"planning/surface_paths.py"},
+    "matplotlib": {"report/pictures.py", "report/machine_picture.py", "wheels/results.py"},
+    "contourpy": {"wheels/channels.py"},
     "numba": {"kernels", "runtime/compiling.py"},
     "open3d": {"mesh/distance.py", "mesh/triangle_mesh.py"},
     "OCP": {"mesh/files/cad.py"},

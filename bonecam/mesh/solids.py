@@ -160,13 +160,6 @@ def revolve(
     return TriangleMesh(np.vstack([points.reshape(-1, 3), poles]), ring_faces(len(radii), around))
 
 
-def revolve_profile(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
-    """The closed mesh of `around` segments of a profile, rows (radius, height) from its lower pole on the Z axis to its
-    upper one; mm."""
-    inner = profile[1:-1]
-    return revolve(inner[:, 0], inner[:, 1], (float(profile[0, 1]), float(profile[-1, 1])), around)
-
-
 def cylinder(radius: float, bottom: float, top: float, chord_tolerance: float) -> TriangleMesh:
     """A closed outward cylinder about the Z axis, its vertices on the surface, its faces within `chord_tolerance` of it
     and of nearly one size; mm."""
@@ -177,16 +170,6 @@ def cylinder(radius: float, bottom: float, top: float, chord_tolerance: float) -
     radii = np.concatenate([disc, np.full(len(rises) - 2, radius), disc[::-1]])
     heights = np.concatenate([np.full(len(disc), bottom), rises[1:-1], np.full(len(disc), top)])
     return revolve(radii, heights, (bottom, top), around)
-
-
-def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
-    """The closed outward mesh that a closed polygon of (radius, height) about the Z axis, counter-clockwise with the
-    radius to the right and the height upward, sweeps in `around` steps; mm."""
-    angle = 2 * np.pi * np.arange(around) / around
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
-    points = profile[:, :1, None] * ring + profile[:, 1:, None] * np.array([0.0, 0.0, 1.0])
-    index = np.arange(len(profile) * around).reshape(-1, around)
-    return TriangleMesh(points.reshape(-1, 3), _band_faces(index, np.roll(index, -1, axis=0)).astype(np.int32))
 
 
 def _band_faces(lower: ndarray, upper: ndarray) -> ndarray:

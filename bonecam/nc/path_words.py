@@ -20,8 +20,6 @@ limits just a turn apart there is no other.
 
 What the planning of paths must know of a machine's rotary axes: which tool axes it has, how fast the axes are, and
 where they come to their limits within a path.
-
-Whether a wheel can be cut at all: on the machine, and by the cutters between its blades.
 """
 
 from dataclasses import dataclass, replace
@@ -33,8 +31,8 @@ from numpy import ndarray
 
 from bonecam.arrays import angles_between, dots, largest, lengths, unit
 from bonecam.arrays import lengths as lengths_of
-from bonecam.errors import MachineError, place_name
-from bonecam.job import Job, field_error
+from bonecam.errors import MachineError
+from bonecam.job import Job
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear, inverse_rotary, tool_axes
 from bonecam.machine.limits import EVEN, MachineLimits, planned_band, polar_angles, reached_axes
@@ -43,9 +41,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.rotary import FULL_TURN, choose_angles, clear_rapids
 from bonecam.nc.words import MoveWords, axis_moves, contour_tolerance, move_words, rotary_tolerance_deg, with_marks
 from bonecam.planning.contacts import POSTING_SHARE, planned_tolerance
-from bonecam.planning.link_space import UP
 from bonecam.planning.motion_time import ControlRule, motion_minutes
-from bonecam.surface.blades import Wheel
 from bonecam.tool.path import MoveKind, ToolPath
 
 MAX_ROUNDS = 40
@@ -597,22 +593,3 @@ def machine_limits(machine: Machine) -> MachineLimits:
         bodies=machine.bodies,
         reached=reached,
     )
-
-
-def require_upright(machine: Machine) -> None:
-    """MachineError where the tool cannot stand upright over the wheel's axis, from where it goes to the next blade."""
-    if (machine_limits(machine).nearest(UP[None])[0] != UP).any():
-        what = "its tool cannot stand along the wheel's axis, over which it goes from blade to blade"
-        raise MachineError(f"{machine.name}: {what}: take a mill of five axes", machine=machine.name)
-
-
-def require_room(wheel: Wheel, job: Job) -> None:
-    """JobError where a cutter does not pass between two blades."""
-    gap, place = wheel.gap()
-    for name in ("roughing", "finishing"):
-        width = 2 * job.tool(name).radius
-        kept = 2 * job.levels.finishing_depth if name == "roughing" else 0.0
-        if gap < width + kept:
-            need = f"{width:g} mm" + (f" and the allowance of {kept:g} mm on both blades" if kept else "")
-            what = f"the blades are {gap:.2f} mm apart at {place_name(place)}, the ball needs {need}"
-            raise field_error(name, "radius", job.tool(name).radius, f"{what}: give a smaller ball")

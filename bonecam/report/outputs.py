@@ -3,14 +3,15 @@ where another cannot be.
 
 A refused run writes its report, as far as it came, and where its own proof refused the program the kept folder: what
 planned the program should have known, so that this is a fault of bonecam's, and the folder is what a report of it
-needs. What `bonecam.finish` and `bonecam.blades` hand back writes itself, all or nothing.
+needs. What `bonecam.finish` hands back writes itself, all or nothing.
 """
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,7 +28,6 @@ from bonecam.errors import (
 )
 from bonecam.files import check_files, check_folder, second_file, whole_folder, write_whole
 from bonecam.job import Job, write_job
-from bonecam.levels.sequences import Morph
 from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.mesh_files import CAD, MESHES, write_mesh
 from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
@@ -53,17 +53,14 @@ from bonecam.report.kept import (
     write_simulated,
 )
 from bonecam.report.machine_picture import draw_machine
-from bonecam.report.page.contents import pack, surface_contents, wheel_contents
-from bonecam.report.pictures import draw_axes, draw_compared_axes, draw_refused, draw_wheel
-from bonecam.report.sheet.setup_sheet import setup_sheet, wheel_article
-from bonecam.report.summary import AxisComparison, bladed_summary, compare_axes, finished_summary
+from bonecam.report.page.contents import pack, surface_contents
+from bonecam.report.pictures import draw_axes, draw_compared_axes, draw_refused
+from bonecam.report.summary import AxisComparison, compare_axes, finished_summary
 from bonecam.report.tables import apt_text, toolpath_csv
 from bonecam.report.typed import RefusedFigures, report_text
-from bonecam.report.warnings import NOT_ASKED, simulated_text, with_warnings
+from bonecam.report.warnings import NOT_ASKED, Warned, simulated_text, with_warnings
 from bonecam.runtime.staging import Staging, placed, staged
 from bonecam.runtime.timing import StageTimes
-from bonecam.setup.placement import TurnedBlank
-from bonecam.surface.blades import Wheel
 from bonecam.surface.files.iga import write_iga
 from bonecam.surface.files.tspline_text import TEXTS, check_target, save_surface, write_tsm
 from bonecam.tool.path import ToolPath
@@ -312,16 +309,31 @@ def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Finished(Shown):
-    """The result of `bonecam.finish`: surface and solid as they stand on the post, the path, the program, and
-    what it removes, if that was simulated. `report` is the content of the file of --report."""
+class Machined(Shown):
+    """The result of what is machined beside solids, not in a stock round it: surface and solid as they stand on the
+    post, the program, and what it removes, if that was simulated. `report` is the content of the file of --report."""
 
     workpiece: Workpiece
-    path: ToolPath
     program: Program
     report: dict[str, Any]
     job: Job
-    removal: Removal | None = None
+    removal: Removal | None = field(default=None, kw_only=True)
+
+    @property
+    @abstractmethod
+    def all_paths(self) -> Sequence[ToolPath]:
+        """The paths in machining order."""
+
+    @abstractmethod
+    def fill_folder(self, work: Path) -> None:
+        """Write the files of the folder to keep."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Finished(Machined):
+    """The result of `bonecam.finish`, with the path."""
+
+    path: ToolPath
 
     @cached_property
     def packed_view(self) -> bytes:
@@ -357,7 +369,7 @@ class Finished(Shown):
         compared = self.compare_axes()
         draw_compared_axes(compared, self.workpiece.surface.tessellate(CHORD), work / "axes.png")
         write_whole(work / "axes.md", compared.table)
-        _fill_shared(work, self, axes=compared.report)
+        fill_shared(work, self, axes=compared.report)
 
     def __repr__(self) -> str:
         return f"<Finished of {self._title}: {self.program!r}>"
@@ -368,75 +380,15 @@ class Finished(Shown):
         return finished_summary(self.report)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Bladed(Shown):
-    """The result of `bonecam.blades`: the wheel as it stands on its post, its blank, the levels of a channel, the paths
-    of all channels and blades, the program, and what it removes (None where that was not simulated)."""
-
-    workpiece: Workpiece
-    wheel: Wheel
-    blank: TurnedBlank
-    levels: Morph
-    paths: tuple[ToolPath, ...]
-    program: Program
-    report: dict[str, Any]
-    job: Job
-    removal: Removal | None = None
-
-    @property
-    def all_paths(self) -> Sequence[ToolPath]:
-        """The paths in machining order."""
-        return self.paths
-
-    @cached_property
-    def packed_view(self) -> bytes:
-        """What `view` shows, packed as `bonecam.report.page` has it."""
-        shapes = self.workpiece.solid, self.blank, self.levels, self.wheel
-        return pack(wheel_contents(*shapes, self.paths, self.program.text, self.job, self.report, self.removal))
-
-    @property
-    def sheet(self) -> str:
-        """The setup sheet as the text of an HTML file."""
-        page = wheel_article(self._title, self.workpiece.solid, self.blank, self.job, self.program, self.report)
-        return setup_sheet(self._title, [page])
-
-    def fill_folder(self, work: Path) -> None:
-        """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, and what all runs have."""
-        write_iga(self.wheel.blade, work / "surface.iga")
-        write_mesh(self.workpiece.solid, work / "solid.ply")
-        write_mesh(self.blank.mesh, work / "blank.ply")
-        rows = [f"{radius:.4f},{height:.4f}\n" for radius, height in self.blank.profile]
-        write_whole(work / "blank.csv", "".join(["radius_mm,height_mm\n", *rows]))
-        self._draw(work / "toolpath.png")
-        _fill_shared(work, self)
-
-    @property
-    def _title(self) -> str:
-        return str(self.report["surface"]["file"])
-
-    def _draw(self, file: Path) -> str:
-        draw_wheel(self.workpiece.solid, self.blank, self.paths, self.wheel.count, file)
-        return "the wheel with the paths of one channel and of one blade, and its blank in section"
-
-    def __repr__(self) -> str:
-        return f"<Bladed of {self._title}: {self.wheel.count} blades, {self.program!r}>"
-
-    @property
-    def summary(self) -> str:
-        """The report in a few lines of text."""
-        return bladed_summary(self.report)
-
-
-def write_run(made: Finished | Bladed, wanted: Outputs) -> None:
-    """Write the wanted files, all or none: program, report, page, sheet, cutter location data, and the folder to keep.
-    FileError names what cannot be written."""
+def write_run(made: Machined, wanted: Outputs, more: Sequence[tuple[File, Callable[[], str]]] = ()) -> None:
+    """Write the wanted files, all or none: program, report, page, `more` files with their texts, cutter location data,
+    and the folder to keep. FileError names what cannot be written."""
     texts: list[tuple[File, Callable[[], str]]] = [
         (wanted.report, lambda: report_text(made.report)),
         (wanted.html, lambda: made.page),
+        *more,
+        (wanted.apt, lambda: apt_text(made.all_paths, made.program.name)),
     ]
-    if isinstance(made, Bladed):
-        texts.append((wanted.sheet, lambda: made.sheet))
-    texts.append((wanted.apt, lambda: apt_text(made.all_paths, made.program.name)))
     with staged() as staging:
         if wanted.program is not None:
             stage_program_files(staging, {Path(wanted.program): made.program}, job_dialect(made.job.nc))
@@ -447,7 +399,7 @@ def write_run(made: Finished | Bladed, wanted: Outputs) -> None:
             made.fill_folder(staging.folder(wanted.keep, SERIES))
 
 
-def _fill_shared(work: Path, made: Finished | Bladed, **more: Any) -> None:
+def fill_shared(work: Path, made: Machined, **more: Any) -> None:
     """Write toolpath.csv and .apt, cones.csv, program, view.gz, job.toml and report.json, which tells `more`; where it
     was simulated left.ply, error.ply and error.png; and machine.png."""
     (work / VIEW).write_bytes(made.packed_view)
@@ -459,13 +411,22 @@ def _fill_shared(work: Path, made: Finished | Bladed, **more: Any) -> None:
     write_simulated(work, made.removal)
 
 
-Made = TypeVar("Made", Result, Finished, Bladed)
+Made = TypeVar("Made", bound=Result | Machined)
 
 
-def with_removal(made: Made, removal: Removal, skipped: Mapping[str, str] = NOT_ASKED, **sections: Any) -> Made:
-    """The result with what its posted text removes: in its report, with more `sections`, and in the program's header;
-    `skipped` says why force and bending are not known, where they are not. LimitError as in `with_warnings`."""
-    report: Any = with_warnings({**made.report, "mechanics": skipped, **removal.sections, **sections}, made.job)
+def with_removal(
+    made: Made,
+    removal: Removal,
+    sections: Mapping[str, Any] = {},
+    *,
+    skipped: Mapping[str, str] = NOT_ASKED,
+    more: Iterable[Warned] = (),
+) -> Made:
+    """The result with what its posted text removes: in its report, with more `sections` and `more` warnings, and in the
+    program's header; `skipped` says why force and bending are not known, where they are not. LimitError as in
+    `with_warnings`."""
+    figures = {**made.report, "mechanics": skipped, **removal.sections, **sections}
+    report: Any = with_warnings(figures, made.job, more)
     summary = simulated_text(report, str(removal.mechanics or skipped["skipped"]))
     program = record_simulation(made.program, job_dialect(made.job.nc), removal.cell, summary)
     return replace(made, program=program, report=report, removal=removal)

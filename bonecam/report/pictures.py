@@ -22,7 +22,6 @@ from bonecam.mesh.solids import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.stump import Groove
 from bonecam.report.summary import AxisChoice, AxisComparison
-from bonecam.setup.placement import TurnedBlank
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.shell import SecondClamping
@@ -632,47 +631,6 @@ def draw_axes(path: ToolPath, surface: TSpline, file: str | Path) -> None:
         plot.set(xlim=middle[0] + half * np.array([-1, 1]), ylim=middle[1] + half * np.array([-1, 1]))
         plot.set(zlim=middle[2] + half * np.array([-1, 1]), xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
         plot.view_init(elevation, azimuth)
-    save_figure(drawing, file)
-
-
-MOST_FACES = 40_000
-"""Faces of the wheel that are drawn at most: every so many of more."""
-WHEEL_VIEW = (50, -20)
-"""Elevation and azimuth, degrees."""
-
-
-def draw_wheel(
-    solid: TriangleMesh, blank: TurnedBlank, paths: Sequence[ToolPath], count: int, file: str | Path
-) -> None:
-    """Write the wheel with the cuts of its first channel (from red at the blank to blue at the hub) and of its first
-    blade (black) beside the blank's profile with the levels' contacts; each path is repeated `count` times."""
-    from matplotlib import colormaps, figure
-    from matplotlib.tri import Triangulation
-
-    drawing = figure.Figure(figsize=(14, 7), dpi=DPI)
-    plot = drawing.add_subplot(1, 2, 1, projection="3d")
-    faces = solid.faces[:: max(1, len(solid.faces) // MOST_FACES)]
-    plot.plot_trisurf(
-        Triangulation(solid.vertices[:, 0], solid.vertices[:, 1], faces),
-        solid.vertices[:, 2],
-        color="0.8",
-        linewidth=0,
-        alpha=0.4,
-    )
-    flat = drawing.add_subplot(1, 2, 2)
-    flat.fill(*np.vstack([blank.profile]).T, color="0.9", label="blank")
-    colours = colormaps["coolwarm"](np.linspace(1, 0, max(len(paths) - 1, 1)))
-    for path, colour in zip(paths, [*colours, "black"]):
-        one = slice(0, len(path.tips) // count)
-        cuts = path.kinds[one] == MoveKind.CUT
-        contacts = np.where(cuts[:, None], path.contacts[one], np.nan)
-        plot.plot(*contacts.T, color=colour, linewidth=0.4)
-        flat.plot(np.hypot(*contacts[:, :2].T), contacts[:, 2], color=colour, linewidth=0.3)
-    plot.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
-    plot.set_aspect("equal")
-    plot.view_init(*WHEEL_VIEW)
-    flat.set(xlabel="radius (mm)", ylabel="z (mm)", aspect="equal")
-    flat.legend(loc="upper right")
     save_figure(drawing, file)
 
 

@@ -285,20 +285,10 @@ def finished_summary(report: Mapping[str, Any]) -> str:
     """The report of one surface machined alone in a few lines for a person."""
     surface = report["surface"]
     shape = f"{surface['kind']}, {surface['area_mm2']:.0f} mm2, {surface['control_points']} control points"
-    return _summary(report, [f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of"])
+    return surface_summary(report, [f"surface   {shape}; {counted(surface['solids'], 'solid')} kept clear of"])
 
 
-def bladed_summary(report: Mapping[str, Any]) -> str:
-    """The report of a wheel likewise: wheel, blank, channels, program and removal."""
-    wheel, area = report["wheel"], report["surface"]["area_mm2"]
-    shape = [
-        f"wheel     {wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart; {area:.0f} mm2 with the hub",
-        f"blank     turned to the blades' tips, diameter {wheel['blank_diameter_mm']:.2f} mm",
-    ]
-    return _summary(report, shape, [f"channels  {cuts_text(report)}"])
-
-
-def _summary(report: Mapping[str, Any], shape: Sequence[str], levels: Sequence[str] = ()) -> str:
+def surface_summary(report: Mapping[str, Any], shape: Sequence[str], levels: Sequence[str] = ()) -> str:
     """The warnings of a report, lines on the `shape`, its post, lines on its `levels`, and its program."""
     lines = [
         *warning_lines(report["warnings"]),

@@ -210,11 +210,11 @@ class Warned:
         return None not in (self.figure, self.refused_above) and self.figure > self.refused_above  # type: ignore[operator]
 
 
-def warnings_of(report: Sections, job: Job) -> list[Warned]:
-    """The warnings of the sections that there are, the gravest kinds first."""
+def warnings_of(report: Sections, job: Job, more: Iterable[Warned] = ()) -> list[Warned]:
+    """The warnings of the sections that there are, the gravest kinds first, with `more` behind those of the shape."""
     machine = read_machine(job.nc.machine)
     warnings = [warned for kind in KINDS for warned in kind(report, job)]
-    return [*warnings, *spindle_warnings(job, machine), *_nose(report, machine)]
+    return [*warnings, *more, *_depth(report, job), *spindle_warnings(job, machine), *_nose(report, machine)]
 
 
 def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
@@ -226,9 +226,9 @@ def check_warnings(found: Iterable[Warned], job: Job, file: str = "") -> None:
             raise LimitError(f"{file}: {text}" if file else text, code=warned.code, remedy=warned.remedy)
 
 
-def with_warnings(report: dict[str, Any], job: Job) -> dict[str, Any]:
-    """The report that begins with its warnings; LimitError as in `check_warnings`."""
-    warnings = warnings_of(report, job)
+def with_warnings(report: dict[str, Any], job: Job, more: Iterable[Warned] = ()) -> dict[str, Any]:
+    """The report that begins with its warnings, `more` among them; LimitError as in `check_warnings`."""
+    warnings = warnings_of(report, job, more)
     told = {"warnings": [asdict(warned) for warned in warnings]}
     told |= {name: section for name, section in report.items() if name != "warnings"}
     with knowing(told):
@@ -249,9 +249,9 @@ def warning_lines(warnings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield textwrap.fill(text, WIDTH, initial_indent="warning   ", subsequent_indent=" " * 10)
 
 
-def header_texts(report: Sections, job: Job) -> list[str]:
-    """The warnings that are known before the text is posted, for the program's header."""
-    texts = (f"warning: {warned.text}" for warned in warnings_of(report, job))
+def header_texts(report: Sections, job: Job, more: Iterable[Warned] = ()) -> list[str]:
+    """The warnings that are known before the text is posted, `more` among them, for the program's header."""
+    texts = (f"warning: {warned.text}" for warned in warnings_of(report, job, more))
     return [line for text in texts for line in textwrap.wrap(text, 96)]
 
 
@@ -347,15 +347,6 @@ def _fit(report: Sections, job: Job) -> Iterator[Warned]:
         yield Warned("fit", text, away, tolerance, job.surface.largest_deviation, remedy=remedy)
 
 
-def _blunt_edge(report: Sections, job: Job) -> Iterator[Warned]:
-    """Blunt edges of a wheel's blades, which were rounded."""
-    width = report.get("wheel", {}).get("blunt_edge_mm", 0.0)
-    if width:
-        text = f"the blades' blunt edge, up to {width:.2f} mm wide, is rounded by half circles that stand out of it"
-        remedy = "turn it off afterwards, or give sections with their edge"
-        yield Warned("blunt_edge", text, width, 0.0, remedy=remedy)
-
-
 def _bending(report: Sections, job: Job) -> Iterator[Warned]:
     """What bends beyond what the job allows, or nearly; or that it was not asked."""
     mechanics = report.get("mechanics")
@@ -417,14 +408,5 @@ def _nose(report: Sections, machine: Machine) -> Iterator[Warned]:
         yield Warned("nose", text, remedy="give spindle.nose in it")
 
 
-KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (
-    _left,
-    _bending,
-    _holding,
-    _slender,
-    _hole,
-    _fit,
-    _blunt_edge,
-    _depth,
-)
+KINDS: tuple[Callable[[Sections, Job], Iterator[Warned]], ...] = (_left, _bending, _holding, _slender, _hole, _fit)
 """What is asked of a report and its job, the gravest first."""

@@ -29,8 +29,7 @@ from bonecam.errors import BonecamError, JobError, StockError, ToolPathError
 from bonecam.job import Job, StockJob
 from bonecam.mesh.part import Part
 from bonecam.mesh.pose import rotation, settled_pose
-from bonecam.mesh.solids import revolve_profile, segments_around
-from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
+from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.rounding import MARGIN, require_inside, require_roundable
 from bonecam.setup.stock import (
@@ -90,34 +89,6 @@ def _body(stock: "Stock | MeshLike") -> ConvexStock:
         return ConvexStock(mesh_from(stock))
     except (TypeError, ValueError) as error:
         raise StockError(f"the stock is no stock and no mesh: {error}") from error
-
-
-TURNED_CHORD = 0.02
-"""Chord tolerance round the axis, mm."""
-
-
-@dataclass(frozen=True, eq=False)
-class TurnedBlank:
-    """The body of revolution about Z of a `profile`, rows (radius, height) in mm from its lower pole to its upper
-    one."""
-
-    profile: Float[ndarray, "n 2"]
-
-    @property
-    def diameter(self) -> float:
-        """mm."""
-        return 2 * float(self.profile[:, 0].max())
-
-    @property
-    def mesh(self) -> TriangleMesh:
-        """The closed mesh of the blank."""
-        return revolve_profile(self.profile, segments_around(self.diameter / 2, TURNED_CHORD))
-
-    @property
-    def text(self) -> str:
-        """What is to be mounted."""
-        low, high = self.profile[:, 1].min(), self.profile[:, 1].max()
-        return f"blank: turned to the blades' tips, diameter {self.diameter:.2f} mm, from Z {low:.2f} to Z {high:.2f}"
 
 
 CHORD = 0.1

@@ -1,9 +1,4 @@
 from .basis import Elements as Elements
-from .blades import Impeller as Impeller
-from .blades import blade_solid as blade_solid
-from .blades import impeller as impeller
-from .blades import read_flow_path as read_flow_path
-from .blades import read_sections as read_sections
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import diagnose as diagnose
 from .files.iga import read_iga as read_iga
@@ -19,6 +14,7 @@ from .part_surface import fit_surface as fit_surface
 from .query import Projection as Projection
 from .query import project as project
 from .refinement import refine as refine
+from .skinning import blade_solid as blade_solid
 from .skinning import patch_surface as patch_surface
 from .skinning import skin as skin
 from .tessellation import Tessellation as Tessellation

@@ -45,6 +45,10 @@ A text file of blocks (`mesh.point_files`), one row a block. A first and a last 
 poles; rows between poles are closed. Rows without poles are closed where every row ends on the point it began
 with, else open. Closed rows are turned counter-clockwise seen along the direction from row to row, so that
 the surface faces outward, and rotated to one seam where they twist.
+
+The closed solid of a blade: the skin of its sections, with its blunt edge and both ends closed. Two chains of vertices
+are joined by a strip of triangles that advances on both alike: the edges s = low and s = high of an open surface, and
+at each end the two sides of the blade between the two points farthest from one another.
 """
 
 from collections.abc import Sequence
@@ -62,6 +66,7 @@ from bonecam.arrays import angles_between, lengths, unit
 from bonecam.errors import FileError, SurfaceError
 from bonecam.mesh.distance import barycentric, exact_closest, hausdorff
 from bonecam.mesh.files.points import POINTS, read_blocks
+from bonecam.mesh.healing import holes_of
 from bonecam.mesh.rows import lengths_along
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface.basis import (
@@ -718,3 +723,86 @@ def _even(row: ndarray) -> ndarray:
     along = lengths_along(chain)
     wanted = along[-1] * np.arange(COMPARED) / COMPARED
     return np.column_stack([np.interp(wanted, along, chain[:, axis]) for axis in range(3)])
+
+
+BLUNT = 0.02
+"""Sections whose ends lie farther apart than this share of their length are one side of a blade."""
+SECTIONS = 9
+"""So many sections of a surface are looked at,"""
+PLACES = 101
+"""and so many places on each."""
+
+
+def has_blunt_edge(surface: TSpline) -> bool:
+    """Whether a surface that is open in s bounds a blade up to a blunt edge: it is no one side of a blade."""
+    if surface.closed_in_s:
+        return False
+    (left, right), (low, high) = surface.domain
+    s, t = np.meshgrid(np.linspace(left, right, PLACES), np.linspace(low, high, SECTIONS))
+    rows = surface.positions(s.ravel(), t.ravel()).reshape(SECTIONS, PLACES, 3)
+    return all(nearly_closed(row) for row in rows)
+
+
+def nearly_closed(row: Float[ndarray, "p 3"]) -> bool:
+    """Whether the ends of a section are no farther apart than a blunt edge is wide."""
+    length = float(np.linalg.norm(np.diff(row, axis=0), axis=1).sum())
+    return float(np.linalg.norm(row[0] - row[-1])) <= BLUNT * length
+
+
+def blade_solid(surface: TSpline, chord_tolerance: float) -> TriangleMesh:
+    """The closed outward mesh of a surface without poles, within `chord_tolerance` mm of it where that is.
+
+    SurfaceError where no closed outward mesh comes of it.
+    """
+    tessellation = surface.tessellate_with_parameters(chord_tolerance)
+    s, t = tessellation.parameters.T
+    points = tessellation.mesh.vertices
+    (left, right), (low, high) = surface.domain
+    faces = [tessellation.mesh.faces]
+    if not surface.closed_in_s:
+        first, last = (_sorted(s == side, t) for side in (left, right))
+        faces.append(_strip(first, t[first], last, t[last]))
+    for end in (low, high):
+        loop = _sorted(t == end, s)
+        faces.append(_cap(loop if end == low else loop[::-1], points))
+    solid = TriangleMesh(points, np.vstack(faces).astype(np.int32))
+    if holes_of(solid) or not solid.volume > 0:
+        raise SurfaceError(
+            f"the blade encloses {solid.volume:.3g} mm^3 and keeps {len(holes_of(solid))} holes: give sections that "
+            "run once round it, from the hub outward"
+        )
+    return solid
+
+
+def _sorted(chosen: ndarray, along: Float[ndarray, " n"]) -> Int[ndarray, " k"]:
+    """The chosen vertices in the order of a parameter."""
+    index = np.flatnonzero(chosen)
+    return index[np.argsort(along[index])]
+
+
+def _cap(loop: Int[ndarray, " k"], points: Float[ndarray, "n 3"]) -> Int[ndarray, "f 3"]:
+    """Triangles that close a loop and run against it."""
+    away = np.linalg.norm(points[loop][:, None] - points[loop], axis=2)
+    start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
+    one = loop[start : end + 1][::-1]
+    other = np.r_[loop[end:], loop[: start + 1]]
+    ways = [lengths_along(points[side]) for side in (one, other)]
+    return _strip(one, ways[0] / ways[0][-1], other, ways[1] / ways[1][-1])
+
+
+def _strip(
+    one: Int[ndarray, " a"], at_one: Float[ndarray, " a"], other: Int[ndarray, " b"], at_other: Float[ndarray, " b"]
+) -> Int[ndarray, "f 3"]:
+    """Triangles between two chains of vertices at growing places, forward along the first."""
+    faces = []
+    i = j = 0
+    while i + 1 < len(one) or j + 1 < len(other):
+        if j + 1 == len(other) or (i + 1 < len(one) and at_one[i + 1] <= at_other[j + 1]):
+            faces.append((one[i], one[i + 1], other[j]))
+            i += 1
+        else:
+            faces.append((one[i], other[j + 1], other[j]))
+            j += 1
+    triangles = np.array(faces)
+    apart = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[apart]

@@ -51,12 +51,6 @@ def check_shapes(job: Job, machine: Machine) -> None:
         raise _refused(job, "roughing", f"{machine.name} programs the centre of a ball")
 
 
-def only_balls(job: Job, what: str) -> None:
-    """JobError where `what` is planned for balls alone and the roughing cutter is none."""
-    if job.roughing.shape != "ball":
-        raise _refused(job, "roughing", f"{what} is roughed with a ball")
-
-
 def _refused(job: Job, name: str, why: str) -> JobError:
     return field_error(name, "shape", getattr(job, name).shape, f"{why}: give shape = 'ball'")
 

@@ -1,45 +1,34 @@
 """The proof of a posted text: read back (`nc/reading`), judged as its control would run it (`control`), compared with
 the tool paths (`readback.py`), and checked for gouges of the part (`gouge.py`).
 
-And the removal of programs whose stock is no plain one: of one surface that is machined alone, from the solids and as
-much material on it as its finishing cut is deep; of a wheel, from its turned blank.
+And the removal of one surface that is machined alone, from the solids and as much material on it as its finishing cut
+is deep.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bonecam.errors import ToolPathError, VerifyError, knowing
 from bonecam.job import Job
-from bonecam.levels.measure import Level, morph_surfaces
 from bonecam.machine.machine import Machine
 from bonecam.material.rays import lay_solids
 from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids import cylinder, half_edges
-from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces, side_by_side
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.reading import read_program
 from bonecam.planning.post_length import carrying_solid
-from bonecam.planning.surface_paths import wall_cusp
 from bonecam.progress import Progress, report, silent
-from bonecam.setup.placement import TurnedBlank
-from bonecam.surface.blades import Wheel, meridional, places_on, point_at, pose_about_z, repeated, revolved
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import ToolPath
 from bonecam.verify.control import check_control
 from bonecam.verify.findings import GivenSurface, Removal
 from bonecam.verify.gouge import Distances, Gouge, measure_gouge
 from bonecam.verify.readback import Tolerances, compare_moves
-from bonecam.verify.removal import (
-    ACCURACY,
-    check_removal,
-    check_removal_of_job,
-    cutters_of,
-    level_scallops,
-    simulate_removal,
-)
+from bonecam.verify.removal import ACCURACY, check_removal_of_job, cutters_of, simulate_removal
 from bonecam.verify.sweeping import NormalProbes, SimulatedStock, normal_probes_on
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Column, Post, post_below
@@ -78,7 +67,7 @@ def prove_surface_removal(
 
     # What stands before the surface is finished, on post and stub, with the normal probes of the surface
     solids = [solid, layer_on(surface, job.levels.finishing_depth)]
-    material = _material(solids, clamping.carried(post), normal_probes_on(surface))
+    material = solids_stock(solids, clamping.carried(post), normal_probes_on(surface))
     removal = simulate_removal(
         text,
         machine,
@@ -98,7 +87,7 @@ def prove_surface_removal(
     return removal, unknown
 
 
-def _material(solids: Sequence[TriangleMesh], carried: Sequence[Column], probes: NormalProbes) -> SimulatedStock:
+def solids_stock(solids: Sequence[TriangleMesh], carried: Sequence[Column], probes: NormalProbes) -> SimulatedStock:
     """Solids and the columns of their material that carry them, in rays."""
     columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in carried]
     sets, grid = lay_solids([*solids, *columns], ACCURACY.cell, ACCURACY.memory_mb)
@@ -120,98 +109,6 @@ def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
     closed = np.vstack([faces, faces[:, ::-1] + count, walls])
     both = np.vstack([points + depth * normals, points - SUNK * normals])
     return TriangleMesh(both, closed.astype(np.int32))
-
-
-ABOVE = 0.1
-"""The hub is bare where no blade is this far above it, mm."""
-ROUGH = 0.05
-"""The floor of a channel lies so near to the hub that it stands for, mm: within the facets of the hub's mesh."""
-DEEP = 0.3
-"""Probes stand so far from the hub's edges, mm: beside one a ball that cuts no hub crosses their lines."""
-
-
-def prove_removal_of_wheel(
-    text: str,
-    machine: Machine,
-    dialect: Dialect,
-    job: Job,
-    blank: TurnedBlank,
-    wheel: Wheel,
-    levels: Sequence[Level],
-    progress: Progress = silent,
-    surfaces: Mapping[int, TriangleMesh] | None = None,
-    *,
-    mechanics: bool = True,
-) -> Removal:
-    """What the posted `text` removes from the blank, and what it leaves on all blades; `levels` are those of a channel,
-    `surfaces` the meshes, by level, on which is told what stands.
-    The wheel bends as what stands of it does, its blades do not; without `mechanics` force and bending are left out.
-    Errors as in `simulate_removal`, `check_removal` and `Mechanics.check`."""
-    post = Post(job.holding.diameter / 2, float(blank.profile[:, 1].min()))
-    clamping = clamping_of(job.holding, machine.table)
-    probes = wheel_probes(wheel, morph_surfaces(levels)[0])
-    # the paths of level 0, which follow level 1, meet on the blades what stands between all levels
-    scallops = level_scallops(job, len(levels))
-    scallops[1] = max(scallops[1], wall_cusp(job))
-    removal = simulate_removal(
-        text,
-        machine,
-        dialect,
-        _material([blank.mesh], clamping.carried(post), probes),
-        None,
-        cutters_of(job, machine),
-        clamping=clamping,
-        limits=dict(enumerate(level.limit for level in levels[1:])),
-        scallops=scallops,
-        surfaces=surfaces,
-        workpiece=workpiece_of(job, post, clamping) if mechanics else None,
-        progress=progress,
-    )
-    with knowing(removal.sections):
-        check_removal(removal, job.path.gouge_tolerance)
-        if removal.mechanics is not None:
-            removal.mechanics.check()
-    return removal
-
-
-def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -> dict[int, TriangleMesh]:
-    """The meshes that the levels leave in all channels, by number; level 0 leaves the `solid` of the wheel."""
-    return {0: solid} | {level.index: repeated(level.mesh, wheel.count) for level in levels[1:]}
-
-
-def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
-    """Normal probes on both sides of every blade and on the hub between them; `floor` is the surface of that in one
-    channel, which reaches beyond the hub's ends."""
-    both = normal_probes_on(wheel.blade, CHORD), _hub_probes(wheel, floor)
-    one = NormalProbes(
-        side_by_side([each.mesh for each in both]),
-        np.vstack([each.points for each in both]),
-        np.vstack([each.normals for each in both]),
-        np.hstack([each.areas for each in both]),
-    )
-    moved = [one.move(pose_about_z(2 * np.pi * k / wheel.count)) for k in range(wheel.count)]
-    points, normals = np.vstack([each.points for each in moved]), np.vstack([each.normals for each in moved])
-    return NormalProbes(repeated(one.mesh, wheel.count), points, normals, np.tile(one.areas, wheel.count))
-
-
-def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
-    """Normal probes on the hub itself below a `floor`, where no blade stands on it; none where the floor, which goes
-    straight on beyond the blades, is no longer on the hub."""
-    on_floor = normal_probes_on(floor, CHORD)
-    curve = meridional(on_floor.points)
-    lengths = places_on(wheel.profile, curve)
-    foot = point_at(wheel.profile, lengths)
-    points = np.column_stack([on_floor.points[:, :2] * (foot[:, :1] / curve[:, :1]), foot[:, 1]])
-    low, high = wheel.flow
-    bare = (lengths > low) & (lengths < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
-    hub = MeshDistance(revolved(wheel.profile, CHORD))
-    bare[bare] = hub.signed((points - DEEP * on_floor.normals)[bare]) < -0.8 * DEEP
-    beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
-    bare[bare] = ~beside.inside((points + ABOVE * on_floor.normals)[bare])
-    faces = bare[on_floor.mesh.faces].all(axis=1)
-    used = np.unique(on_floor.mesh.faces[faces])
-    mesh = keep_faces(replace(on_floor.mesh, vertices=points), faces)
-    return NormalProbes(mesh, points[used], on_floor.normals[used], on_floor.areas[used])
 
 
 DESIGN_CHORD = 0.001

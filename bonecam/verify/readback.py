@@ -16,7 +16,6 @@ from numpy import ndarray
 
 from bonecam.errors import VerifyError
 from bonecam.kernels.matrices import align_moves
-from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import Motions
 from bonecam.nc.path_words import SLOW, axis_minutes, joints_and_lengths
@@ -172,21 +171,3 @@ def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
     slower = motions.feed_rates * motions.lengths < slow
     lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
     return motions.inverse_time & slower & lasts
-
-
-@dataclass(frozen=True, eq=False)
-class RepeatedDistance:
-    """Distances to the union of `count` copies of a body, which is measured once and turned back to."""
-
-    body: MeshDistance
-    count: int
-
-    def signed(self, points: Float[ndarray, "n 3"], wanted: float | Float[ndarray, " n"]) -> Float[ndarray, " n"]:
-        """A lower bound of the signed distance (negative inside) of each point, mm; exact outside where it is below
-        `wanted`."""
-        least = np.array(np.broadcast_to(np.asarray(wanted, dtype=np.float64), len(points)))
-        x, y, z = points.T
-        for angle in 2 * np.pi * np.arange(self.count) / self.count:
-            back = np.column_stack([x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle), z])
-            least = np.minimum(least, self.body.signed(back, least))
-        return np.asarray(least)

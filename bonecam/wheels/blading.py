@@ -9,48 +9,37 @@ from bonecam.errors import knowing
 from bonecam.files import check_files
 from bonecam.finishing import Solid, naming
 from bonecam.job import Job
-from bonecam.levels.open_morph import morph_open
-from bonecam.levels.sequences import Morph
-from bonecam.machine.machine import Machine
+from bonecam.levels import Morph, morph_open
+from bonecam.machine import Machine
 from bonecam.machining import check_one_feed, post_and_prove
 from bonecam.mechanics.loads import mechanics_of_job
-from bonecam.mesh.distance import MeshDistance
-from bonecam.nc.dialect import Dialect
+from bonecam.mesh import MeshDistance
+from bonecam.nc import Dialect, machine_limits
 from bonecam.nc.parts import is_split
-from bonecam.nc.path_words import machine_limits, require_room, require_upright
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
-from bonecam.planning.surface_paths import ChannelPlanner, Workpiece, indexed, plan_surface, stand_workpiece
+from bonecam.planning.surface_paths import Workpiece, plan_surface, stand_workpiece
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
-from bonecam.report.outputs import Bladed, File, Outputs, refusing, report_refused, with_removal, write_run
-from bonecam.report.page.contents import wheel_figures
+from bonecam.report.outputs import File, Outputs, refusing, report_refused, with_removal, write_run
 from bonecam.report.summary import NOT_SIMULATED
 from bonecam.report.typed import report_to_program
 from bonecam.report.warnings import NOT_KNOWN, header_texts, with_warnings
 from bonecam.runtime.timing import StageTimes
-from bonecam.setup.capsule import smallest_capsule
-from bonecam.setup.placement import TurnedBlank
-from bonecam.setup.stock import schedule_of
-from bonecam.surface.blades import CARTESIAN, MERIDIONAL, Wheel, channel_of, wheel_of
-from bonecam.surface.files.surface_input import (
-    BladeFile,
-    check_surface_size,
-    read_blade,
-    read_hub,
-    read_solid,
-    refuse_changes,
-)
-from bonecam.surface.tspline import TSpline
-from bonecam.tool.cutter import only_balls
-from bonecam.tool.path import ToolPath
-from bonecam.verify.proof import prove_removal_of_wheel, wheel_surfaces
-from bonecam.verify.readback import RepeatedDistance
-from bonecam.workholding.post import Post
+from bonecam.setup import schedule_of, smallest_capsule
+from bonecam.surface import TSpline
+from bonecam.surface.files.surface_input import check_surface_size, read_solid, refuse_changes
+from bonecam.tool import ToolPath
+from bonecam.wheels.channels import ChannelPlanner, indexed, require_ball, require_room, require_upright
+from bonecam.wheels.proof import RepeatedDistance, prove_removal_of_wheel, wheel_surfaces
+from bonecam.wheels.results import Bladed, edge_warnings, wheel_figures
+from bonecam.wheels.tables import CARTESIAN, MERIDIONAL, BladeFile, read_blade, read_hub
+from bonecam.wheels.wheel import TurnedBlank, Wheel, channel_of, wheel_of
+from bonecam.workholding import Post, clamping_of
 
 LEVEL_CHORD = 0.05
 """Chord tolerance of the channel's levels, mm."""
@@ -83,7 +72,7 @@ def blades(
     """The verified program of a wheel of `count` equal blades, from a blank that is turned to the blades' tips.
 
     `blade` runs round both sides of one blade, from the hub out: a table of sections or several (`columns`, `axis` as
-    in `surface.read_sections`), STEP, IGES, `.tsm`, `.tspline`, or a TSpline. `hub` is a closed mesh of
+    in `read_sections`), STEP, IGES, `.tsm`, `.tspline`, or a TSpline. `hub` is a closed mesh of
     revolution or the table of its flow path (`hub_columns`); `obstacles` are closed solids that repeat with the blades,
     such as splitters or the other blades. All in the unit `job.mesh.units` and one frame, Z the wheel's axis. The
     channels are roughed level by level, all of them to one level before the next, then hub and blades are finished.
@@ -118,8 +107,8 @@ def blades(
         if simulation:
             bladed = _simulated(bladed, times, part_of(progress, 0.8, 1.0), mechanics=mechanics)
         figures = {**bladed.report, "seconds": times.seconds}
-        bladed = replace(bladed, report=with_warnings(figures, bladed.job))
-    write_run(bladed, wanted)
+        bladed = replace(bladed, report=with_warnings(figures, bladed.job, edge_warnings(wheel)))
+    write_run(bladed, wanted, [(sheet, lambda: bladed.sheet)])
     return bladed
 
 
@@ -144,7 +133,7 @@ def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progre
         workpiece = stand_workpiece(wheel.blade, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         wheel = wheel.lift(workpiece.length - float(wheel.profile[:, 1].min()))
-        only_balls(job, "a wheel")
+        require_ball(job)
         # passes go on beyond the blades' edges until a ball is past the allowance there
         widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
         channel = channel_of(wheel, widest + job.levels.finishing_depth + BEYOND)
@@ -159,7 +148,13 @@ def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progre
         capsule = smallest_capsule(blank.mesh.vertices, CAPSULE)
         channel_paths, standing = ChannelPlanner(channel, job, limits, post, capsule).paths(morph.levels)
         channel_paths[-1] = replace(channel_paths[-1], rest=1)
-        blade = plan_surface(workpiece, job, limits, capsule, standing)
+        scene = replace(
+            workpiece.scene(job, clamping_of(job.holding, limits.bodies.table)),
+            stock=capsule,
+            material=standing.mesh,
+            material_deviation=standing.deviation,
+        )
+        blade = plan_surface(workpiece, scene, job, limits, standing)
         paths = tuple(indexed(path, wheel.count) for path in (*channel_paths, blade))
     return _Plan(workpiece, wheel, blank, morph, paths, job)
 
@@ -175,6 +170,7 @@ def _posted(
     """The program of the paths, proved against hub and every blade."""
     job, wheel, solid = plan.job, plan.wheel, plan.workpiece.solid
     figures = wheel_figures(Path(name).name, wheel, plan.blank, plan.morph, plan.job, paths=plan.paths)
+    warned = header_texts(figures, job, edge_warnings(wheel))
     proved = post_and_prove(
         plan.paths,
         machine,
@@ -182,13 +178,13 @@ def _posted(
         job,
         RepeatedDistance(MeshDistance(wheel.with_one_blade(_chord(job))), wheel.count),
         name=program_name(file or Path(name).name, dialect),
-        comments=[*header_texts(figures, job), f"wheel of {wheel.count} blades: {Path(name).name}", plan.blank.text],
+        comments=[*warned, f"wheel of {wheel.count} blades: {Path(name).name}", plan.blank.text],
         times=times,
         progress=part_of(progress, 0.6, 0.8),
     )
     reported = report_to_program(file, *proved, job=job.path, part=solid)
     figures = {**figures, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
-    return Bladed(plan.workpiece, wheel, plan.blank, plan.morph, proved.paths, proved.program, figures, job)
+    return Bladed(plan.workpiece, proved.program, figures, job, wheel, plan.blank, plan.morph, proved.paths)
 
 
 def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechanics: bool) -> Bladed:
@@ -200,4 +196,4 @@ def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechani
         surfaces = wheel_surfaces(bladed.wheel, bladed.workpiece.solid, levels[:-1])
         cut = bladed.program.text, machine, dialect, bladed.job, bladed.blank, bladed.wheel, levels
         removal = prove_removal_of_wheel(*cut, progress, surfaces, mechanics=mechanics)
-    return with_removal(bladed, removal)
+    return with_removal(bladed, removal, more=edge_warnings(bladed.wheel))

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 import bonecam
-from bonecam.mesh.solids import revolve_profile
+from bonecam.mesh.solids import revolve
 from bonecam.surface import TSpline, skin
 
 PROFILE = np.array([[0.0, -3.0], [14.0, -3.0], [14.0, 0.0], [6.0, 10.0], [0.0, 10.0]])
@@ -37,7 +37,7 @@ def blade(half: float = HALF) -> TSpline:
 
 def hub() -> bonecam.TriangleMesh:
     """The hub as a closed mesh."""
-    return revolve_profile(PROFILE, 120)
+    return revolve(*PROFILE[1:-1].T, (PROFILE[0, 1], PROFILE[-1, 1]), 120)
 
 
 def job() -> bonecam.Job:

@@ -14,12 +14,12 @@ from bonecam.kernels.removal import Pieces
 from bonecam.material.dexels import copy_of, with_more_room
 from bonecam.material.rays import lay_grid, lay_rays, lay_solids, order
 from bonecam.mesh import TriangleMesh
-from bonecam.mesh.solids import cylinder, revolve_ring
+from bonecam.mesh.solids import cylinder, solid_difference
 from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.setup import Box, Capsule, ConvexStock, Cylinder
 from bonecam.verify.sweeping import NormalProbes, SimulatedStock, Sweeping, volumes
 
-RING = revolve_ring(np.array([[3.0, 0.0], [5.0, 0.0], [5.0, 4.0], [3.0, 4.0]]), 400)
+RING = solid_difference(cylinder(5.0, 0.0, 4.0, 1e-3), cylinder(3.0, -1.0, 5.0, 1e-3))
 
 
 def test_a_ring_keeps_its_hole():

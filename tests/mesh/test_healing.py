@@ -38,7 +38,7 @@ from bonecam.mesh.healing import (
     winding_numbers,
 )
 from bonecam.mesh.hollows import cap
-from bonecam.mesh.solids import revolve, revolve_ring, solid_union
+from bonecam.mesh.solids import revolve, solid_union
 from bonecam.mesh.triangle_mesh import keep_faces, side_by_side
 from bonecam.progress import silent
 from bonecam.runtime.timing import StageTimes
@@ -471,11 +471,6 @@ def test_open_and_inward_meshes_are_refused_by_name_or_number():
         solid_union([keep_faces(good, slice(1, None)), good], ["hub.stl", "shroud.stl"])
     with pytest.raises(MeshError, match="solid 0 encloses"):
         solid_union([TriangleMesh(good.vertices, good.faces[:, ::-1])])
-
-
-def test_a_revolved_polygon_is_a_closed_outward_ring():
-    ring = revolve_ring(np.array([[4.0, 0.0], [6.0, 0.0], [6.0, 3.0], [4.0, 3.0]]), 256)
-    assert ring.volume == pytest.approx(np.pi * (36 - 16) * 3, rel=1e-3)
 
 
 def test_a_hole_is_capped_by_faces_whose_vertices_go_where_they_are_told():

@@ -12,7 +12,7 @@ from bonecam.job import Job, read_job, write_job
 from bonecam.job.tool_section import AUTO, SIZES
 from bonecam.machine import read_machine
 from bonecam.mesh import repaired_part
-from bonecam.mesh.solids import revolve_profile
+from bonecam.mesh.solids import revolve
 from bonecam.nc import machine_limits
 from bonecam.planning import with_chosen_cutters
 from bonecam.planning.chosen_cutters import CLEAN, SHALLOW, Hollows
@@ -47,8 +47,8 @@ def phalanx():
 def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it():
     """A right-angled groove round a waist: the ball that touches both its sides stays R (sqrt 2 - 1) off its bottom.
     Depths are those at the middles of faces, R / 2 long at most."""
-    profile = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0], [0.0, 16.0]])
-    part = revolve_profile(profile, 180)
+    radii, heights = np.array([[10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0]]).T
+    part = revolve(radii, heights, (0.0, 16.0), 180)
     hollows = Hollows(part, Post(2.0, 1.0))
     for radius in (0.5, 1.0):
         exact = radius * (np.sqrt(2) - 1)

@@ -16,7 +16,6 @@ from scipy.spatial import cKDTree
 from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.job.stock_section import STOCK_KINDS
-from bonecam.material.rays import lay_solids
 from bonecam.mesh import TriangleMesh, write_mesh
 from bonecam.setup import (
     Box,
@@ -29,10 +28,9 @@ from bonecam.setup import (
     stock_for,
     stocks,
 )
-from bonecam.setup.placement import TurnedBlank, centring_shift, may_centre
+from bonecam.setup.placement import centring_shift, may_centre
 from bonecam.setup.rounding import MARGIN
 from bonecam.setup.stock import kind_of, stock_text
-from bonecam.verify.sweeping import volumes
 
 KINDS = ("capsule", "cylinder", "box")
 SCHEDULE = Schedule((0.1,) * 4, 0.5)
@@ -300,19 +298,3 @@ def test_only_a_given_capsule_without_a_given_place_is_free():
     assert may_centre(StockJob(diameter=15.0, length=37.0))
     assert not may_centre(StockJob())
     assert not may_centre(StockJob(diameter=15.0, length=37.0, offset_x=0.5))
-
-
-WAISTED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [4, 9], [4, 12], [0, 12]], float)
-RECESSED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [8, 11], [4, 9], [0, 9]], float)
-
-
-@pytest.mark.parametrize("profile", [WAISTED, RECESSED], ids=["waisted", "recessed"])
-def test_rays_hold_the_body_and_no_recess(profile):
-    (r, z), (R, Z) = profile[:-1].T, profile[1:].T
-    volume = np.pi / 3 * ((Z - z) * (r * r + r * R + R * R)).sum()
-    sets, _ = lay_solids([TurnedBlank(profile).mesh], 0.25, 200.0)
-    np.testing.assert_allclose(volumes(sets), volume, rtol=4e-3)
-
-
-def test_what_is_to_be_turned_is_told():
-    assert TurnedBlank(WAISTED).text == ("blank: turned to the blades' tips, diameter 20.00 mm, from Z 0.00 to Z 12.00")

@@ -5,6 +5,8 @@ The surface through an open mesh with four corners: near the mesh, faced as it i
 
 Rows of points from files, skinned.
 
+The closed solid of a skin without poles, and blunt edges.
+
 Knot reduction: the bound holds everywhere, closed and open, alone and together; nothing needless is
 kept.
 """
@@ -18,9 +20,18 @@ from tsplines import SECTION_POLES, sections, write_rows
 from bonecam.errors import FileError, SurfaceError
 from bonecam.mesh import TriangleMesh
 from bonecam.mesh.distance import hausdorff
-from bonecam.surface import TSpline, patch_surface, skin, skinning
+from bonecam.mesh.healing import holes_of
+from bonecam.surface import TSpline, blade_solid, patch_surface, skin, skinning
 from bonecam.surface.basis import collocation, interpolate, periodic_collocation, sites
-from bonecam.surface.skinning import Reduction, RowCurves, control_curves, holds_rows, read_rows, row_parameters
+from bonecam.surface.skinning import (
+    Reduction,
+    RowCurves,
+    control_curves,
+    has_blunt_edge,
+    holds_rows,
+    read_rows,
+    row_parameters,
+)
 
 POLES = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]])
 
@@ -417,3 +428,35 @@ def test_a_tolerance_nothing_reaches_keeps_all_knots():
     kept, found = Reduction(knots, knots, True).least_of_all([points], 1e-300)[0]
     assert np.array_equal(kept, knots)
     assert np.allclose(found, points, atol=1e-12)
+
+
+LONG, THICK, HIGH = 20.0, 3.0, 6.0
+
+
+def blade_of(width: float) -> TSpline:
+    """A blade of parabolic sections that ends at a blunt edge of this width, wound counter-clockwise."""
+    u = np.linspace(-1.0, 1.0, 81)
+    side = (width / 2 + (1 - u**2) * THICK / 2) * np.sign(u)
+    section = np.column_stack([LONG * u**2, np.where(u == 0, 0.0, -side)])
+    return skin(
+        [np.column_stack([section, np.full(len(u), z)]) for z in np.linspace(0.0, HIGH, 3)], 0.001, closed=False
+    )
+
+
+@pytest.mark.parametrize("width", [0.3, 5.0])
+def test_the_solid_of_an_open_skin_is_closed_between_its_edges(width):
+    solid = blade_solid(blade_of(width), 0.01)
+    assert not holes_of(solid)
+    assert solid.volume == pytest.approx(HIGH * LONG * (width + THICK / 2), rel=0.03)
+
+
+def test_a_surface_up_to_a_blunt_edge_is_told_from_one_side():
+    assert has_blunt_edge(blade_of(0.3))
+    assert not has_blunt_edge(blade_of(5.0))
+
+
+def test_a_blade_whose_sections_run_the_wrong_way_round_is_refused():
+    angle = np.linspace(0, -2 * np.pi, 24, endpoint=False)
+    rows = [np.column_stack([np.cos(angle), np.sin(angle), np.full(24, z)]) for z in range(3)]
+    with pytest.raises(SurfaceError, match="give sections that run once round it"):
+        blade_solid(skin(rows, 0.01), 0.01)

@@ -18,7 +18,7 @@ from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.bodies import Frustum, stack_as_text, stack_from_text
 from bonecam.machine.machine import read_machine
 from bonecam.planning.collision import cutter_mesh
-from bonecam.tool.cutter import Cutter, ToolSection, check_shapes, enveloping_ball, only_balls
+from bonecam.tool.cutter import Cutter, ToolSection, check_shapes, enveloping_ball
 
 SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]
 
@@ -240,8 +240,6 @@ def test_a_bull_nose_or_flat_end_only_roughs_the_levels_of_a_morph(shape):
     ):
         with pytest.raises(JobError, match="give shape = 'ball'"):
             check_shapes(Job().with_values(**values), machine)
-    with pytest.raises(JobError, match="a wheel is roughed with a ball"):
-        only_balls(Job().with_values(roughing=bull_nose), "a wheel")
 
 
 def test_flutes_must_reach_the_middle_of_the_ball():

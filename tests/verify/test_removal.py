@@ -9,8 +9,6 @@ The distance of a cone from an upright cylinder against the nearest of many poin
 What stays on a part, by the reason why.
 
 Heights of normal probes: above the surface what is left, below it how deep the ball went in.
-
-Where the removal of a wheel's program is measured: on the hub, not on the floor that goes on beyond it.
 """
 
 import os
@@ -20,7 +18,6 @@ import numpy as np
 import pytest
 from numpy import ndarray
 from small_parts import path_of
-from small_wheel import EDGES, HALF, PROFILE, blade
 
 from bonecam.errors import BodiesError, MachineError, MeshError, VerifyError
 from bonecam.job import Job, MeshJob
@@ -38,12 +35,10 @@ from bonecam.nc.header import _shapes, tool_text
 from bonecam.nc.motions import described_tool
 from bonecam.planning.collision import block_mesh, body_texts, check_bodies
 from bonecam.setup import Capsule, Cylinder
-from bonecam.surface.blades import channel_of, meridional, places_on, point_at, wheel_of
 from bonecam.tool import Cutter, ToolPath
 from bonecam.verify import Accuracy, Clearance, Gouge, Left, Spot, check_removal, clearances, simulate_removal
 from bonecam.verify.clearances import SHARE, TOUCHING, body_clearance
 from bonecam.verify.findings import GivenSurface, beside_limits, given_surface, measure_given
-from bonecam.verify.proof import wheel_probes
 from bonecam.verify.sweeping import NormalProbes, volumes
 from bonecam.workholding import Clamping, Post
 from bonecam.workholding.post import Column
@@ -471,38 +466,3 @@ def test_from_the_top_only_what_holds_the_upper_end_is_cut():
     assert height_after(below, tall=4.0) == pytest.approx(-0.5)
     assert height_after(below, from_top=True, tall=4.0) == 4.0
     assert height_after(below, from_top=True, tall=3.0) == pytest.approx(-0.5)
-
-
-COUNT = 2
-WHEEL_REACH = 2.0
-CONE = PROFILE[3] - PROFILE[2]
-END = 0.05
-"""Probes stand at least this far from the hub's edges, mm."""
-
-
-@pytest.fixture(scope="module")
-def wheel():
-    return wheel_of(blade(), PROFILE, COUNT)
-
-
-@pytest.fixture(scope="module")
-def on_hub(wheel):
-    """Meridional places of the probes beside the blades."""
-    channel = channel_of(wheel, WHEEL_REACH)
-    beyond = meridional(channel.floor.positions(np.array([0.5]), channel.floor.domain[1][1:]))
-    assert beyond[0, 1] > PROFILE[3, 1] + 0.3, "the floor of this wheel goes on beyond the hub"
-    points = wheel_probes(wheel, channel.floor).points
-    return meridional(points[np.abs(points[:, 1]) > HALF + 0.2])
-
-
-def test_no_probe_stands_where_the_floor_has_left_the_hub(on_hub):
-    off = np.linalg.norm(on_hub - point_at(PROFILE, places_on(PROFILE, on_hub)), axis=1)
-    assert off.max() < 1e-9
-    share = (on_hub - PROFILE[2]) @ CONE / (CONE @ CONE)
-    assert share.max() < 1 - END / np.linalg.norm(CONE)
-
-
-def test_probes_reach_beyond_the_blades_to_the_hub_s_end(on_hub):
-    share = (on_hub - PROFILE[2]) @ CONE / (CONE @ CONE)
-    assert share.max() > max(EDGES[1], 1 - 0.6 / np.linalg.norm(CONE))
-    assert share.min() < EDGES[0]

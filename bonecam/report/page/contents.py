@@ -3,7 +3,7 @@ folder hold.
 
 Shown are levels, the mesh as given, deviation, and the bodies round the part; of a program its moves as read back from
 the text, the cones of their axes, the tools, what stands after each level and what is left; the machine's rotary axes
-and what they carry. A run has all of it, a finished surface, a second clamping and a wheel their own shapes.
+and what they carry. A run has all of it, a finished surface and a second clamping their own shapes.
 
 Floats become whole numbers of 16 bits over the range of their array (a range of 100 mm in steps of 1.5 um). Columns
 follow one another as differences, their bytes in planes: neighbours on paths and meshes differ little, so that gzip
@@ -29,29 +29,24 @@ from bonecam.arrays import dots, lengths
 from bonecam.errors import FileError
 from bonecam.job import Job
 from bonecam.levels.measure import Level, rounding_cuts
-from bonecam.levels.sequences import Morph
 from bonecam.machine.bodies import Table
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.machine.machine_file import RotaryAxis
 from bonecam.mesh.distance import exact_closest
 from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.part import Part
-from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
+from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import Motions
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import machine_and_dialect
 from bonecam.nc.words import LIFTED, REWIND, comment
-from bonecam.report.stage_reports import levels_report, uncut_areas
-from bonecam.report.summary import WHY, bladed_summary, finished_summary, second_text, summary_of
-from bonecam.setup.placement import TurnedBlank
+from bonecam.report.summary import WHY, finished_summary, second_text, summary_of
 from bonecam.setup.stock import Stock, stock_figures, stock_text
-from bonecam.surface.blades import Wheel, repeated
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import PARTING, MoveKind, ToolPath
 from bonecam.verify.findings import LEFT, Removal
-from bonecam.verify.proof import wheel_surfaces
 from bonecam.verify.readback import Tolerances, compare_moves
 from bonecam.verify.removal import cutters_of, followed_surfaces
 from bonecam.verify.sweeping import feed_minutes, groups_of
@@ -565,7 +560,7 @@ def rewind_contents(text: str, motions: Motions, dialect: Dialect) -> dict[str, 
     return {"rewinds": motions.tips[np.maximum(before, 0)]} if lines else {}
 
 
-def _with_program(
+def contents_with_program(
     shape: Contents,
     program: str,
     meshes: Mapping[int, TriangleMesh],
@@ -602,14 +597,16 @@ def surface_contents(
         "name": figures["file"] or "a surface",
         "stock": {"text": f"surface {figures['kind']}, {figures['area_mm2']:.0f} mm\u00b2"},
         "stock_bounds": surface.bounds.tolist(),
-        **_held(solid, job),
+        **held(solid, job),
     }
     shape = Contents(facts, _level_in_solid(surface, solid))
     posted = {"paths": [path], "removal": removal, "surfaces": {0: surface}}
-    return _with_program(shape, program, {0: surface, 1: solid}, job, report, finished_summary(report), **posted)
+    return contents_with_program(
+        shape, program, {0: surface, 1: solid}, job, report, finished_summary(report), **posted
+    )
 
 
-def _held(solid: TriangleMesh, job: Job) -> dict[str, Any]:
+def held(solid: TriangleMesh, job: Job) -> dict[str, Any]:
     """The post below a solid, and what holds it, mm."""
     post = {"radius": job.holding.diameter / 2, "top": float(solid.bounds[0, 2])}
     return {"post": post, **bodies(job, read_machine(job.nc.machine).table)}
@@ -643,86 +640,12 @@ def second_contents(
     }
     shape = Contents(facts, _level_in_solid(clamping.part, clamping.shell))
     posted = {"paths": paths, "removal": removal, "surfaces": layers_on(clamping.part, removal)}
-    return _with_program(shape, program, {0: clamping.part}, job, report, second_text(report), **posted)
+    return contents_with_program(shape, program, {0: clamping.part}, job, report, second_text(report), **posted)
 
 
 def layers_on(part: TriangleMesh, removal: Removal) -> dict[int, TriangleMesh]:
     """The part for every layer of a program that was simulated: all of them lie on it."""
     return {level.index: part for level in removal.levels if level.index is not None}
-
-
-WHEEL_CHORD = 0.01
-"""Chord tolerance of the blade on which uncut areas are told, mm."""
-
-
-def wheel_figures(
-    name: str, wheel: Wheel, blank: TurnedBlank, morph: Morph, job: Job, paths: Sequence[ToolPath]
-) -> dict[str, Any]:
-    """`surface` (blades and the hub between them), `wheel`, `levels`, `post` and `uncut_mm2` of the report."""
-    blade = wheel.blade
-    gap, place = wheel.gap()
-    blade_mesh = blade.tessellate(WHEEL_CHORD)
-    whole = repeated(side_by_side([blade_mesh, morph.levels[0].mesh]), wheel.count)
-    shape = {
-        "file": name,
-        "control_points": len(blade.control_points),
-        "kind": "closed round s",
-        "area_mm2": round(whole.area, 3),
-        "solids": len(wheel.others),
-    }
-    about = {
-        "blades": wheel.count,
-        "gap_mm": round(gap, 3),
-        "blunt_edge_mm": round(wheel.edge, 3),
-        "gap_place": [round(float(x), 3) for x in place],
-        "blank_diameter_mm": round(blank.diameter, 3),
-        "blank_profile_mm": blank.profile.round(4).tolist(),
-    }
-    return {
-        "surface": shape,
-        "wheel": about,
-        "levels": levels_report(morph.levels),
-        "levels_lower_bound": morph.lower_bound,
-        "post": {"diameter_mm": job.holding.diameter, "length_mm": job.holding.length},
-        "uncut_mm2": uncut_areas(paths, whole),
-    }
-
-
-def wheel_contents(
-    solid: TriangleMesh,
-    blank: TurnedBlank,
-    morph: Morph,
-    wheel: Wheel,
-    paths: Sequence[ToolPath],
-    program: str,
-    job: Job,
-    report: dict[str, Any],
-    removal: Removal | None,
-) -> Contents:
-    """The wheel as level 0, the levels of all its channels, and the program's moves."""
-    levels = [
-        {
-            "index": level.index,
-            "name": "channel" if level.index else "the wheel",
-            "faces": f"faces_{level.index}",
-            "limit": level.limit,
-        }
-        for level in morph.levels
-    ]
-    facts = {
-        "levels": levels,
-        "name": report["surface"]["file"],
-        "stock": {"text": blank.text},
-        "stock_bounds": blank.mesh.bounds.tolist(),
-        **_held(solid, job),
-    }
-    arrays = {"solid": solid.vertices, "solid_faces": solid.faces}
-    meshes = wheel_surfaces(wheel, solid, morph.levels)
-    for index, mesh in meshes.items():
-        arrays |= {f"level_{index}": mesh.vertices, f"faces_{index}": mesh.faces}
-    followed = {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
-    posted = {"paths": paths, "removal": removal, "surfaces": followed}
-    return _with_program(Contents(facts, arrays), program, meshes, job, report, bladed_summary(report), **posted)
 
 
 PROGRAM_FACTS = ("tools", "program", "uncut", "left")
@@ -744,7 +667,7 @@ def run_contents(
     """Levels and fit, and where there is a `program` its moves, what it removes and what it leaves."""
     shape = shape_contents(part, levels, stock, job)
     meshes = {level.index: level.mesh for level in levels}
-    return _with_program(shape, program, meshes, job, report, summary_of(report), paths=paths, removal=removal)
+    return contents_with_program(shape, program, meshes, job, report, summary_of(report), paths=paths, removal=removal)
 
 
 def level_meshes(contents: Contents) -> dict[int, TriangleMesh]:

@@ -1,8 +1,8 @@
 """The setup sheet as HTML: what the machinist mounts, sets and checks, on one page of A4 for each clamping.
 
 Its drawing shows stock, part, post, chuck and table from the front, to scale, with their sizes, as SVG; a second
-clamping shows the part turned over in its shell, and its stump, a wheel its turned blank. What the axes travel is read
-back from the program's text.
+clamping shows the part turned over in its shell, and its stump. What the axes travel is read back from the program's
+text.
 """
 
 import hashlib
@@ -36,7 +36,6 @@ from bonecam.report.pictures import outline
 from bonecam.report.stage_reports import parting_text
 from bonecam.report.summary import certified_text, uncut_lines
 from bonecam.report.warnings import bending_text, warning_texts
-from bonecam.setup.placement import TurnedBlank
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.verify.removal import cutters_of
@@ -355,7 +354,7 @@ def _tool_row(cutter: Cutter, minutes: float) -> str:
     )
 
 
-def _simulated(report: Mapping[str, Any], beginning: str = "") -> Iterator[str]:
+def simulated_lines(report: Mapping[str, Any], beginning: str = "") -> Iterator[str]:
     """What the simulation found, where there was one, and what bends, where that is known and no warning tells it."""
     if "skipped" not in report["removal"]:
         how = f"cells of {report['removal']['cell_mm']:g} mm){beginning}"
@@ -370,7 +369,7 @@ def _checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
     yield from proof_lines(report["nc"])
     yield f"Levels: {certified_text(report['levels'], report['levels_method'])}"
-    yield from _simulated(report)
+    yield from simulated_lines(report)
     deviation = report["surface"]["given_deviation_max_mm"]
     deepest = report["nc"]["gouge_to_given_max_mm"]
     yield f"Fitted surface within {deviation:.3f} mm of the mesh as given; a ball goes {deepest:.3f} mm into it"
@@ -461,7 +460,7 @@ def _second_checks(report: Mapping[str, Any]) -> Iterator[str]:
     """What was checked, and how well it held."""
     removal = report["removal"]
     yield from proof_lines(report)
-    yield from _simulated(report, ", beginning with what the first program left")
+    yield from simulated_lines(report, ", beginning with what the first program left")
     yield f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
     yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
 
@@ -511,54 +510,3 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
         paper.text(x - 1.5, y + 3, size, "end")
     draw_zero(paper, zero)
     return paper.svg("Part, shell, stump, chuck and table of the second clamping from the front")
-
-
-PROFILE = "the blank's profile stands in blank.csv of the kept folder and in the report, rows (radius, Z)"
-"""Where the machinist finds what to turn."""
-
-
-def wheel_article(
-    name: str, solid: TriangleMesh, blank: TurnedBlank, job: Job, program: Program, report: Mapping[str, Any]
-) -> str:
-    """The one clamping of a wheel."""
-    machine, dialect = machine_and_dialect(job.nc)
-    zero = zero_words(machine, dialect)
-    return article(
-        name,
-        program,
-        job,
-        report["nc"],
-        heading="Setup sheet: wheel",
-        caption="From the front (\u2212Y), sizes in mm: the blank, and the wheel in section Y 0.",
-        mounted="Blank, clamping, zero",
-        drawing=_wheel_drawing(solid, blank, job, machine.table, zero),
-        setup=items([blank.text, PROFILE, *setup_texts(job, None, zero)]),
-        checks=items(_wheel_checks(report)),
-        left=items(left_lines(report, "blades and hub")),
-        warnings=items([*warning_texts(report["warnings"]), IN_AIR]),
-    )
-
-
-def _wheel_drawing(solid: TriangleMesh, blank: TurnedBlank, job: Job, table: Table, zero: ZeroWords) -> str:
-    radius = blank.diameter / 2
-    top = float(blank.profile[:, 1].max())
-    low = float(blank.profile[:, 1].min())
-    paper = Paper(radius, top)
-    draw_table(paper, table)
-    paper.column(job.holding.diameter / 2, 0.0, low, "post")
-    paper.path(np.vstack([blank.profile, blank.profile[::-1] * [-1.0, 1.0]]), "stock")
-    for ends in outline(solid):
-        paper.path(ends, "part", closed=False)
-    paper.height(0.0, low, radius, 32.0, f"{low:.2f}")
-    paper.height(low, top, radius, 32.0, f"{top - low:.2f}")
-    paper.width(radius, top, f"\u2300 {blank.diameter:.2f}", 4.0)
-    draw_zero(paper, zero)
-    return paper.svg("Turned blank, wheel, post and table from the front")
-
-
-def _wheel_checks(report: Mapping[str, Any]) -> Iterator[str]:
-    """What was checked, and how well it held."""
-    yield from proof_lines(report["nc"])
-    wheel = report["wheel"]
-    yield f"{wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart where they are nearest"
-    yield from _simulated(report)

@@ -6,11 +6,8 @@ A surface that is machined alone, from a file or a mesh: closed or open, in the 
 
 Parts that come as a surface and need no fit: rows of points that are skinned, or a T-spline that was saved
 before.
-
-A wheel from files: tables of sections and of the hub's flow path, CAD files, T-splines, and meshes.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,22 +29,6 @@ from bonecam.mesh.units import LARGEST, mm_of, to_mm, unit_in
 from bonecam.plugins import added, added_names
 from bonecam.progress import Progress, silent
 from bonecam.runtime.staging import temporary_folder
-from bonecam.surface.blades import (
-    CARTESIAN,
-    COARSE,
-    MERIDIONAL,
-    blade_solid,
-    hub_profile,
-    limits_beside,
-    meridional,
-    profile_over,
-    read_flow_path,
-    read_sections,
-    rounded_edge,
-    stretch,
-    thinned,
-    widest_edge,
-)
 from bonecam.surface.files.bspline import from_bspline
 from bonecam.surface.files.cad import read_bsplines
 from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
@@ -334,48 +315,6 @@ def reverse_parameters(surface: TSpline) -> TSpline:
     index = np.concatenate([starts[j] + orders[j] for j in range(len(rows))[::-1]])
     t_knots = (tmesh.t_knots[0] + tmesh.t_knots[-1] - tmesh.t_knots)[::-1]
     return TSpline(RowTMesh.from_rows(t_knots, rows[::-1]), surface.control_points[index], surface.weights[index])
-
-
-BACK = 4.0
-"""A hub that is given by its flow path is solid, with a back of so many mm."""
-HUB_CHORD = 0.005
-"""Chord tolerance of the hub's profile, mm."""
-
-BladeFile = str | Path | TSpline | Sequence[str | Path]
-"""A blade: a file, several files of sections, or the surface itself."""
-
-
-def read_blade(
-    blade: BladeFile, units: str, tolerance: float, *, columns: str = CARTESIAN, axis: str = "z"
-) -> tuple[TSpline, float]:
-    """The surface of a blade, mm, about the Z axis, and how wide the blunt edge is that was rounded (0: none): tables
-    of sections (`columns` and `axis` as in `read_sections`) are skinned within `tolerance` mm, blunt edges rounded;
-    other files are those of `machined_surface`."""
-    if isinstance(blade, TSpline):
-        return blade, 0.0
-    files = [blade] if isinstance(blade, str | Path) else list(blade)
-    if len(files) == 1 and Path(files[0]).suffix.lower() not in POINTS:
-        return machined_surface(files[0], units, tolerance), 0.0
-    given = read_sections(files, columns=columns, axis=axis, scale=mm_of(units))
-    rows = rounded_edge(given)
-    try:
-        return rows.skin(tolerance), widest_edge(given) if rows.closed else 0.0
-    except (ValueError, SurfaceError) as error:
-        raise SurfaceError(f"{files[0]}: {error}", file=str(files[0])) from error
-
-
-def read_hub(
-    hub: str | Path | MeshLike, blade: TSpline, units: str, *, columns: str = MERIDIONAL, axis: str = "z"
-) -> Float[ndarray, "n 2"]:
-    """The profile of a solid hub, mm: that of a closed mesh of revolution, or of a table of its flow path (`columns` as
-    in `read_flow_path`, whose first column runs along the machine's axis, down where `axis` has a -), cut off beside
-    the blade."""
-    if isinstance(hub, str | Path) and Path(hub).suffix.lower() in POINTS:
-        along = "-x" if axis.startswith("-") else "x"
-        curve = read_flow_path(hub, columns=columns, axis=along, scale=mm_of(units))
-        points = meridional(blade_solid(blade, COARSE).vertices)
-        return profile_over(thinned(stretch(curve, *limits_beside(curve, points)), HUB_CHORD), BACK)
-    return hub_profile(read_solid(hub, units), str(hub) if isinstance(hub, str | Path) else "the hub")
 
 
 def read_solid(solid: str | Path | MeshLike, units: str) -> TriangleMesh:

@@ -16,16 +16,15 @@ from bonecam.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids import cylinder
 from bonecam.nc import write_program
-from bonecam.nc.path_words import require_room
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.page.contents import unpack
 from bonecam.surface import skin, write_tsm
-from bonecam.surface.blades import wheel_of
-from bonecam.surface.files.surface_input import read_blade, read_hub
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import verify
-from bonecam.verify.proof import prove_removal_of_wheel
-from bonecam.verify.readback import RepeatedDistance
+from bonecam.wheels.channels import require_room
+from bonecam.wheels.proof import RepeatedDistance, prove_removal_of_wheel
+from bonecam.wheels.tables import read_blade, read_hub
+from bonecam.wheels.wheel import wheel_of
 
 pytestmark = pytest.mark.whole
 

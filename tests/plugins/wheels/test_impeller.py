@@ -6,7 +6,7 @@ import pytest
 from bonecam_meshes import impeller
 
 from bonecam.mesh import MeshDistance, read_mesh, self_intersections
-from bonecam.surface import read_sections
+from bonecam.wheels import read_sections
 
 
 def test_recipe_makes_the_shipped_rows(tmp_path):

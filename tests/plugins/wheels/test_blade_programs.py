@@ -10,8 +10,8 @@ import trimesh
 
 import bonecam
 from bonecam.job import ToolJob
-from bonecam.surface import impeller, read_flow_path, read_sections
 from bonecam.tool import MoveKind
+from bonecam.wheels import impeller, read_flow_path, read_sections
 
 WHEEL = bonecam.Job().with_values(
     holding={"diameter": 20.0},

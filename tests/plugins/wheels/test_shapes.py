@@ -4,7 +4,7 @@ Tables of blade sections and flow paths: equal surfaces from either kind of colu
 
 Blunt edges of blades are rounded outward by half of their width; one side of a blade stays open.
 
-Wheels of one blade: the hub's profile, the channel between two blades, and what is no wheel.
+Wheels of one blade: the hub's profile, the channel between two blades, their blank, and what is no wheel.
 """
 
 from pathlib import Path
@@ -17,23 +17,23 @@ from small_wheel import HEIGHT, PROFILE, blade, hub
 
 import bonecam
 from bonecam.errors import FileError, SurfaceError
+from bonecam.material.rays import lay_solids
 from bonecam.mesh.solids import cylinder, solid_difference
-from bonecam.surface import blade_solid, impeller, read_flow_path, read_sections
-from bonecam.surface.blades import (
-    BLUNT,
-    about_z,
+from bonecam.surface import blade_solid
+from bonecam.surface.skinning import BLUNT, PointRows, has_blunt_edge
+from bonecam.verify.sweeping import volumes
+from bonecam.wheels import impeller, read_flow_path, read_sections
+from bonecam.wheels.tables import about_z, read_blade, read_hub, rounded_edge, widest_edge
+from bonecam.wheels.wheel import (
+    TurnedBlank,
     channel_of,
-    has_blunt_edge,
     hub_profile,
     meridional,
     places_on,
     point_at,
-    rounded_edge,
+    revolve_ring,
     wheel_of,
-    widest_edge,
 )
-from bonecam.surface.files.surface_input import read_blade, read_hub
-from bonecam.surface.skinning import PointRows
 
 ROOT, TIP, LENGTH, HALF = 20.0, 30.0, 24.0, 1.0
 
@@ -206,6 +206,7 @@ def test_its_skin_is_closed_round():
     made = rounded_edge(rows(WIDTH)).skin(0.01)
     assert made.closed_in_s
     assert not any(made.poles)
+    assert not has_blunt_edge(made)
 
 
 def test_one_side_and_closed_rows_stay_as_they_are():
@@ -214,12 +215,6 @@ def test_one_side_and_closed_rows_stay_as_they_are():
     closed = rounded_edge(rows(WIDTH))
     assert rounded_edge(closed) is closed
     assert widest_edge(closed) == 0.0
-
-
-def test_a_surface_up_to_a_blunt_edge_is_told_from_one_side_and_from_a_closed_one():
-    assert has_blunt_edge(rows(WIDTH).skin(0.01))
-    assert not has_blunt_edge(rows(3 * BLUNT * 2 * CHORD).skin(0.01))
-    assert not has_blunt_edge(rounded_edge(rows(WIDTH)).skin(0.01))
 
 
 REACH = 2.0
@@ -300,3 +295,24 @@ def test_an_open_side_of_a_blade_is_no_wheel(tmp_path):
     side, _ = read_blade(file, "mm", 0.01)
     with pytest.raises(SurfaceError, match="not closed round"):
         wheel_of(side, PROFILE, 3)
+
+
+WAISTED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [4, 9], [4, 12], [0, 12]], float)
+RECESSED = np.array([[0, 0], [10, 0], [10, 3], [8, 3], [7, 6], [8, 11], [4, 9], [0, 9]], float)
+
+
+@pytest.mark.parametrize("profile", [WAISTED, RECESSED], ids=["waisted", "recessed"])
+def test_rays_hold_the_body_and_no_recess(profile):
+    (r, z), (R, Z) = profile[:-1].T, profile[1:].T
+    volume = np.pi / 3 * ((Z - z) * (r * r + r * R + R * R)).sum()
+    sets, _ = lay_solids([TurnedBlank(profile).mesh], 0.25, 200.0)
+    np.testing.assert_allclose(volumes(sets), volume, rtol=4e-3)
+
+
+def test_what_is_to_be_turned_is_told():
+    assert TurnedBlank(WAISTED).text == ("blank: turned to the blades' tips, diameter 20.00 mm, from Z 0.00 to Z 12.00")
+
+
+def test_a_revolved_polygon_is_a_closed_outward_ring():
+    ring = revolve_ring(np.array([[4.0, 0.0], [6.0, 0.0], [6.0, 3.0], [4.0, 3.0]]), 256)
+    assert ring.volume == pytest.approx(np.pi * (36 - 16) * 3, rel=1e-3)

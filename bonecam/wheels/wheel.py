@@ -1,28 +1,8 @@
-"""Blades of turbomachines: tables of their sections and flow paths, and the solids that are made of these.
+"""A wheel of equal blades round a hub of revolution, from one of its blades; its channels and its blank.
 
-Tables of blade sections, as rows of points about the Z axis: one file with a block for each section, or one file
-for each.
-
-    x y z            Cartesian, the machine's axis being one of the three (NASA Rotor 37)
-    x r*theta r      along the machine's axis, arc, radius (NASA HECC):  (r cos theta, r sin theta, x)
-
-Sections run round the blade, from the hub outward. Those that end where they began are closed; others end at a blunt
-edge that the rows leave open.
-
-Sections of a blade that end at a blunt edge: told from one side of a blade, and closed by half circles over it.
-
-Curves of a wheel in its meridional plane, as rows (radius, height) in mm about the Z axis.
-
-Flow paths of turbomachines: the meridional curve of a hub or a shroud as rows (radius, height).
-
-The closed solid of a blade: the skin of its sections, with its blunt edge and both ends closed.
-
-Two chains of vertices are joined by a strip of triangles that advances on both alike: the edges s = low and s = high
-of an open surface, and at each end the two sides of the blade between the two points farthest from one another.
+Curves of a wheel in its meridional plane are rows (radius, height) in mm about the Z axis.
 
 An impeller or rotor from the sections of one blade and the flow paths of hub and shroud, as closed solids.
-
-A wheel of equal blades round a hub of revolution, from one of its blades.
 
 The channel between two neighbouring blades of a wheel: the hub between them as an open surface, and the blank's
 contour over it, which the blades' tips lie on.
@@ -34,137 +14,20 @@ cover the hub beside the blades without a gap. The blank is turned: hub, contour
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 from scipy.sparse.linalg import spsolve
 
 from bonecam.arrays import unit
-from bonecam.errors import FileError, MeshError, SurfaceError, place_name
-from bonecam.mesh.distance import MeshDistance
-from bonecam.mesh.facets import vertex_normals
-from bonecam.mesh.files.points import read_blocks
-from bonecam.mesh.healing import holes_of
+from bonecam.errors import MeshError, SurfaceError, place_name
+from bonecam.mesh import MeshDistance, TriangleMesh, vertex_normals
 from bonecam.mesh.rows import Isolines, lengths_along
-from bonecam.mesh.solids import revolve_profile, revolve_ring, segments_around, solid_union
-from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
-from bonecam.surface.skinning import PointRows, rows_of, skin
-from bonecam.surface.tspline import TSpline
-
-CARTESIAN = "x y z"
-POLAR = "x r*theta r"
-AXES = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
-"""The coordinates that become x, y and z where this one is the machine's axis."""
-
-
-def read_sections(
-    files: str | Path | Sequence[str | Path], *, columns: str = CARTESIAN, axis: str = "z", scale: float = 1.0
-) -> PointRows:
-    """The sections of a blade in one file or several, mm, about the Z axis, wound so that a skin faces outward.
-
-    `columns` as above; `axis` is the one that becomes +Z, with `-` before it where it points down; `scale` is mm a
-    unit of the file. FileError names the file and the line or row that is wrong.
-    """
-    paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
-    if columns not in (CARTESIAN, POLAR):
-        raise ValueError(f"columns {columns!r}: give {CARTESIAN!r} or {POLAR!r}")
-    names = "".join(word[0] for word in columns.split())
-    sections = [(path, block) for path in paths for block in read_blocks(path, names)]
-    if len(sections) < 2:
-        raise FileError(f"{paths[0]}: one section is no blade: give two or more", file=str(paths[0]))
-    if columns == POLAR:
-        sections = [(path, _cartesian(block, path)) for path, block in sections]
-        axis = axis.replace("x", "z")
-    blocks = [scale * about_z(block, axis) for _, block in sections]
-    rows = rows_of(blocks, paths[0])
-    return PointRows(_outward(rows.rows), rows.poles, rows.closed)
-
-
-def about_z(points: Float[ndarray, "n 3"], axis: str) -> Float[ndarray, "n 3"]:
-    """The points turned so that an axis (x, y, z, -x, -y or -z) becomes +Z. ValueError for another one."""
-    name = axis.removeprefix("-")
-    if name not in AXES:
-        raise ValueError(f"axis {axis!r}: give x, y or z, with - before it where it points down")
-    turned = points[:, AXES[name]]
-    return turned * [1.0, -1.0, -1.0] if axis.startswith("-") else turned
-
-
-def _cartesian(table: Float[ndarray, "n 3"], path: Path) -> Float[ndarray, "n 3"]:
-    """Points of (x, r theta, r) about the Z axis; FileError where a radius is not positive."""
-    x, arc, r = table.T
-    if not (r > 0).all():
-        row = int(np.argmin(r > 0))
-        raise FileError(
-            f"{path}: point {row} of a section has the radius {r[row]:g}: give x, r*theta and r",
-            file=str(path),
-            row=row,
-        )
-    return np.column_stack([r * np.cos(arc / r), r * np.sin(arc / r), x])
-
-
-def _outward(rows: Sequence[Float[ndarray, "_ 3"]]) -> tuple[Float[ndarray, "_ 3"], ...]:
-    """Rows wound counter-clockwise seen along the way from the first to the last: S_s x S_t faces outward."""
-    middles = np.array([row.mean(axis=0) for row in rows])
-    way = np.gradient(middles, axis=0)
-    areas = [np.cross(row - m, np.roll(row, -1, axis=0) - m).sum(axis=0) / 2 for row, m in zip(rows, middles)]
-    if np.einsum("ri,ri->", np.array(areas), way) < 0:
-        return tuple(row[::-1] for row in rows)
-    return tuple(rows)
-
-
-BLUNT = 0.02
-"""Sections whose ends lie farther apart than this share of their length are one side of a blade."""
-INSERTED = 7
-"""Points on each half circle."""
-SECTIONS = 9
-"""So many sections of a surface are looked at,"""
-PLACES = 101
-"""and so many places on each."""
-
-
-def widest_edge(rows: PointRows) -> float:
-    """The largest distance between the two ends of an open section, mm; 0 of closed ones."""
-    return 0.0 if rows.closed else max(float(np.linalg.norm(row[0] - row[-1])) for row in rows.rows)
-
-
-def has_blunt_edge(surface: TSpline) -> bool:
-    """Whether a surface that is open in s bounds a blade up to a blunt edge: it is no one side of a blade."""
-    if surface.closed_in_s:
-        return False
-    (left, right), (low, high) = surface.domain
-    s, t = np.meshgrid(np.linspace(left, right, PLACES), np.linspace(low, high, SECTIONS))
-    rows = surface.positions(s.ravel(), t.ravel()).reshape(SECTIONS, PLACES, 3)
-    return all(_nearly_closed(row) for row in rows)
-
-
-def rounded_edge(rows: PointRows) -> PointRows:
-    """The rows closed by half circles that stand out of their blunt edges by half of their widths; unchanged where they
-    are closed, or where one is open by more than BLUNT of its length."""
-    if rows.closed or not all(_nearly_closed(row) for row in rows.rows):
-        return rows
-    return PointRows(tuple(_closed(row) for row in rows.rows), rows.poles, closed=True)
-
-
-def _nearly_closed(row: Float[ndarray, "p 3"]) -> bool:
-    """Whether the ends of a section are no farther apart than a blunt edge is wide."""
-    length = float(np.linalg.norm(np.diff(row, axis=0), axis=1).sum())
-    return float(np.linalg.norm(row[0] - row[-1])) <= BLUNT * length
-
-
-def _closed(row: Float[ndarray, "p 3"]) -> Float[ndarray, "q 3"]:
-    """A row that goes on from its end to its start on a half circle, in the plane of that and the way it ends."""
-    middle = (row[0] + row[-1]) / 2
-    half = (row[-1] - row[0]) / 2
-    size = float(np.linalg.norm(half))
-    ends = unit(np.array([row[-1] - row[-2], row[0] - row[1]])).sum(axis=0)
-    across = half / size
-    out = unit((ends - (ends @ across) * across)[None])[0]
-    angle = np.pi * np.arange(1, INSERTED + 1)[:, None] / (INSERTED + 1)
-    return np.vstack([row, middle + np.cos(angle) * half + np.sin(angle) * size * out])
-
+from bonecam.mesh.solids import revolve, segments_around, solid_union
+from bonecam.mesh.triangle_mesh import side_by_side
+from bonecam.surface import TSpline, blade_solid, skin
 
 REVOLVED = 0.1
 """A solid is a body of revolution where its vertices lie so near to the one of its section, mm: the chord tolerance of
@@ -215,6 +78,27 @@ def revolved(profile: Float[ndarray, "n 2"], chord_tolerance: float, count: int 
     return revolve_profile(profile, count * -(-around // count))
 
 
+def revolve_profile(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
+    """The closed mesh of `around` segments of a profile, rows (radius, height) from its lower pole on the Z axis to its
+    upper one; mm."""
+    inner = profile[1:-1]
+    return revolve(inner[:, 0], inner[:, 1], (float(profile[0, 1]), float(profile[-1, 1])), around)
+
+
+def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
+    """The closed outward mesh that a closed polygon of (radius, height) about the Z axis, counter-clockwise with the
+    radius to the right and the height upward, sweeps in `around` steps; mm."""
+    angle = 2 * np.pi * np.arange(around) / around
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(around)])
+    points = profile[:, :1, None] * ring + profile[:, 1:, None] * np.array([0.0, 0.0, 1.0])
+    index = np.arange(len(profile) * around).reshape(-1, around)
+    upper = np.roll(index, -1, axis=0)
+    a, b = index.ravel(), np.roll(index, -1, axis=1).ravel()
+    c, d = np.roll(upper, -1, axis=1).ravel(), upper.ravel()
+    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return TriangleMesh(points.reshape(-1, 3), faces.astype(np.int32))
+
+
 def places_on(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, " k"]:
     """Length along a curve up to its point nearest to each of the `points`, mm."""
     along = lengths_along(curve)
@@ -260,106 +144,6 @@ def mean_line(section: Float[ndarray, "n 3"]) -> Float[ndarray, "m 3"]:
     turns = np.round((resampled[1][0, 2] - resampled[0][0, 2]) / (2 * np.pi))
     resampled[1][:, 2] -= 2 * np.pi * turns
     return (resampled[0] + resampled[1]) / 2
-
-
-MERIDIONAL = "x r"
-COLUMNS = {MERIDIONAL: "xr", CARTESIAN: "xyz"}
-
-
-def read_flow_path(
-    path: str | Path, *, columns: str = MERIDIONAL, axis: str = "x", scale: float = 1.0
-) -> Float[ndarray, "n 2"]:
-    """The rows (radius, height) of a hub or shroud in the order of the file, mm, the machine's axis being +Z.
-
-    `columns`: `x r` (along the axis, radius), or `x y z`, of which the first is along the axis. `axis` is `x`, or
-    `-x` where that points down; `scale` is mm a unit of the file. FileError names what is wrong with the table.
-    """
-    file = Path(path)
-    if columns not in COLUMNS:
-        raise ValueError(f"columns {columns!r}: give one of {', '.join(map(repr, COLUMNS))}")
-    if axis not in ("x", "-x"):
-        raise ValueError(f"axis {axis!r}: give x, or -x where it points down")
-    blocks = read_blocks(file, COLUMNS[columns])
-    if len(blocks) > 1:
-        raise FileError(f"{file}: holds {len(blocks)} curves: give one flow path a file", file=str(file))
-    table = blocks[0]
-    if len(table) < 2:
-        raise FileError(f"{file}: one point is no curve: give two or more", file=str(file))
-    radius = np.hypot(table[:, 1], table[:, 2]) if table.shape[1] == 3 else table[:, 1]
-    height = -table[:, 0] if axis == "-x" else table[:, 0]
-    rows = scale * np.column_stack([radius, height])
-    # FileError where a radius is not positive, or two points are one
-    if not (rows[:, 0] > 0).all():
-        row = int(np.argmin(rows[:, 0] > 0))
-        raise FileError(
-            f"{file}: point {row} has the radius {rows[row, 0]:g}: give the axial place and the radius",
-            file=str(file),
-            row=row,
-        )
-    steps = np.linalg.norm(np.diff(rows, axis=0), axis=1)
-    if not (steps > 0).all():
-        row = int(np.argmin(steps > 0))
-        raise FileError(f"{file}: points {row} and {row + 1} coincide: remove one", file=str(file), row=row)
-    return rows
-
-
-def blade_solid(surface: TSpline, chord_tolerance: float) -> TriangleMesh:
-    """The closed outward mesh of a surface without poles, within `chord_tolerance` mm of it where that is.
-
-    SurfaceError where no closed outward mesh comes of it.
-    """
-    tessellation = surface.tessellate_with_parameters(chord_tolerance)
-    s, t = tessellation.parameters.T
-    points = tessellation.mesh.vertices
-    (left, right), (low, high) = surface.domain
-    faces = [tessellation.mesh.faces]
-    if not surface.closed_in_s:
-        first, last = (_sorted(s == side, t) for side in (left, right))
-        faces.append(_strip(first, t[first], last, t[last]))
-    for end in (low, high):
-        loop = _sorted(t == end, s)
-        faces.append(_cap(loop if end == low else loop[::-1], points))
-    solid = TriangleMesh(points, np.vstack(faces).astype(np.int32))
-    if holes_of(solid) or not solid.volume > 0:
-        raise SurfaceError(
-            f"the blade encloses {solid.volume:.3g} mm^3 and keeps {len(holes_of(solid))} holes: give sections that "
-            "run once round it, from the hub outward"
-        )
-    return solid
-
-
-def _sorted(chosen: ndarray, along: Float[ndarray, " n"]) -> Int[ndarray, " k"]:
-    """The chosen vertices in the order of a parameter."""
-    index = np.flatnonzero(chosen)
-    return index[np.argsort(along[index])]
-
-
-def _cap(loop: Int[ndarray, " k"], points: Float[ndarray, "n 3"]) -> Int[ndarray, "f 3"]:
-    """Triangles that close a loop and run against it."""
-    away = np.linalg.norm(points[loop][:, None] - points[loop], axis=2)
-    start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
-    one = loop[start : end + 1][::-1]
-    other = np.r_[loop[end:], loop[: start + 1]]
-    ways = [lengths_along(points[side]) for side in (one, other)]
-    return _strip(one, ways[0] / ways[0][-1], other, ways[1] / ways[1][-1])
-
-
-def _strip(
-    one: Int[ndarray, " a"], at_one: Float[ndarray, " a"], other: Int[ndarray, " b"], at_other: Float[ndarray, " b"]
-) -> Int[ndarray, "f 3"]:
-    """Triangles between two chains of vertices at growing places, forward along the first."""
-    faces = []
-    i = j = 0
-    while i + 1 < len(one) or j + 1 < len(other):
-        if j + 1 == len(other) or (i + 1 < len(one) and at_one[i + 1] <= at_other[j + 1]):
-            faces.append((one[i], one[i + 1], other[j]))
-            i += 1
-        else:
-            faces.append((one[i], other[j + 1], other[j]))
-            j += 1
-    triangles = np.array(faces)
-    apart = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    return triangles[apart]
 
 
 MARGIN = 1.0
@@ -592,6 +376,34 @@ def _require_repeating(wheel: Wheel) -> None:
             place=points[worst],
             error=float(off[worst]),
         )
+
+
+TURNED_CHORD = 0.02
+"""Chord tolerance round the axis, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedBlank:
+    """The body of revolution about Z of a `profile`, rows (radius, height) in mm from its lower pole to its upper
+    one."""
+
+    profile: Float[ndarray, "n 2"]
+
+    @property
+    def diameter(self) -> float:
+        """mm."""
+        return 2 * float(self.profile[:, 0].max())
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The closed mesh of the blank."""
+        return revolve_profile(self.profile, segments_around(self.diameter / 2, TURNED_CHORD))
+
+    @property
+    def text(self) -> str:
+        """What is to be mounted."""
+        low, high = self.profile[:, 1].min(), self.profile[:, 1].max()
+        return f"blank: turned to the blades' tips, diameter {self.diameter:.2f} mm, from Z {low:.2f} to Z {high:.2f}"
 
 
 TOLERANCE = 0.005
