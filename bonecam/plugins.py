@@ -69,7 +69,8 @@ def named_files(kind: str, shipped: Path | None = None, endings: tuple[str, ...]
 @dataclass(frozen=True)
 class Reader:
     """Files with an ending of a plugin's: `read` takes a path and returns a TriangleMesh or a TSpline as `holds` says,
-    mm (FileError where the file is damaged); `write`, if there is one, takes a TSpline and a path."""
+    mm (FileError where the file is damaged); `write`, if there is one, takes a TSpline and a path. An ending is named
+    in small letters, without its dot."""
 
     holds: Literal["mesh", "surface"]
     read: Callable[[Path], Any]
@@ -119,6 +120,11 @@ def added(kind: str, name: str) -> Any:
         return getattr(module, ATTRIBUTES[kind])
     except (Exception, SystemExit) as error:  # whatever a stranger's module raises while it is imported
         raise _failed(kind, name, "cannot be loaded", error) from error
+
+
+def reader_endings() -> tuple[str, ...]:
+    """The endings of the files that users and packages read, with the dot."""
+    return tuple(f".{name}" for name in added_names("readers"))
 
 
 def all_added(kind: str) -> dict[str, Any]:

@@ -42,7 +42,7 @@ from bonecam.simulation import simulate
 from bonecam.study.pictures import draw_compared_left, draw_compared_paths, draw_probed
 from bonecam.study.rows import Claim, Comparison, Measured, Row, claims_of, figures_of
 from bonecam.surface.files.surface_input import holds_surface
-from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.files.tspline_text import load_surface
 from bonecam.verify.control import program_text
 from bonecam.verify.findings import given_surface
 from bonecam.verify.probing import (
@@ -207,7 +207,7 @@ def probe(
         raise FileError(f"{folder}: has no {kept.name}: {REMEDY}", file=str(kept))
     text = program_text(kept, machine, dialect, job)
     mesh, _, _ = kept_levels(text, kept, folder)
-    part_surface = read_tsm(folder / "surface.tspline")
+    part_surface = load_surface(folder / "surface.tspline")
     probed_line = probe_line(part_surface, post_below(mesh, job.holding), radius, points, line)
     measuring = ""
     if program is not None:

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from bonecam_plugins.tsplines import TMesh
 from numpy import ndarray
 
-from bonecam.surface import RowTMesh, TMesh, TSpline
+from bonecam.surface import RowTMesh, TSpline
 
 
 def bone_like(

@@ -18,16 +18,19 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from bonecam_plugins.tsplines.extracted import ExtractedTMesh
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
+from bonecam.mesh import TriangleMesh
 from bonecam.mesh.files.mesh_files import bytes_of
 from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
-from bonecam.surface.files.rows_file import number_words
-from bonecam.surface.tmesh import ExtractedTMesh
-from bonecam.surface.tspline import TSpline
+from bonecam.plugins import Reader
+from bonecam.surface import TSpline, tessellate
+from bonecam.surface.files.surface_input import check_surface_size
+from bonecam.surface.files.tspline_text import number_words
 from bonecam.text.numbers import shown
 
 LARGEST_DEGREE = 9
@@ -134,3 +137,26 @@ def _assembled(nodes: ndarray, elements: list[tuple[ndarray, ndarray]]) -> TSpli
         return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])
     except ValueError as error:
         raise ContentError(str(error)) from error
+
+
+CHORD = 0.01
+"""Chord tolerance of the mesh that stands for a part's surface, mm."""
+FINENESS = 2000
+"""It is finer where the file's unit is larger: the surface's size in so many."""
+MOST_VERTICES = 1000
+"""So many vertices a control point may that mesh have, lest a damaged file takes minutes."""
+
+
+def _mesh_of(path: Path) -> TriangleMesh:
+    """The triangles of an .iga file: its elements share no parameters that passes could follow."""
+    surface = read_iga(path)
+    check_surface_size(surface, path)
+    chord = min(CHORD, float(np.ptp(surface.control_points, axis=0).max()) / FINENESS)
+    try:
+        return tessellate(surface, chord, most_vertices=MOST_VERTICES * surface.tmesh.size).mesh
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}", **{**error.evidence, "file": str(path)}) from error
+
+
+READER = Reader("mesh", _mesh_of, write_iga)
+"""What bonecam reads and writes .iga files with."""
