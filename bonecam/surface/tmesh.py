@@ -8,7 +8,11 @@ Two kinds of rows:
     OpenRowTMesh    rows that are open, both directions clamped; the sum over a row is one, so the weights may be left
                     at one
 
-Plugins add others: a T-mesh is what `AnyTMesh` asks for.
+Plugins add others. A T-mesh has a `size`, its number of control points; `poles`, whether the lower and the upper end of
+t is one control point; and `elements`, the Bezier elements. A kind may have two methods beside that:
+`refine(surface, s, t, directions)` makes the unchanged surface with the faces cut that hold samples, and
+`tessellate(surface, chord_tolerance, angle_tolerance, most_vertices)` its Tessellation; without them it is refined and
+tessellated as rows are.
 
 Bezier extraction (Scott et al. 2011): only the rows k-3..k live on the t-span k, so its elements end where one of those
 four rows has a knot.
@@ -17,7 +21,7 @@ four rows has a knot.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,27 +49,6 @@ NEAREST = 1e-12
 
 LARGEST = 1e18
 """Knots and the inverse of their range must be smaller, lest derivatives overflow."""
-
-
-class AnyTMesh(Protocol):
-    """What a surface needs of its T-mesh.
-
-    A kind may have two methods beside that: `refine(surface, s, t, directions)`, which makes the unchanged surface with
-    the faces cut that hold samples, and `tessellate(surface, chord_tolerance, angle_tolerance, most_vertices)`, which
-    makes its Tessellation; without them it is refined and tessellated as rows are.
-    """
-
-    @property
-    def size(self) -> int:
-        """Number of control points."""
-
-    @property
-    def poles(self) -> tuple[bool, bool]:
-        """Whether the lower and the upper end of t is one control point."""
-
-    @property
-    def elements(self) -> Elements:
-        """The Bezier elements."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,4 +226,5 @@ def _extract_rows(tmesh: RowTMesh | OpenRowTMesh) -> Elements:
     return Elements(boxes, starts, functions, coefficients, period=(float(closed), 0.0))
 
 
-M = TypeVar("M", bound=AnyTMesh)
+M = TypeVar("M", bound=Any)
+"""A kind of T-mesh."""

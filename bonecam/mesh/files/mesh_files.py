@@ -118,7 +118,7 @@ def made_by(reader: Reader, file: Path, kind: type[T]) -> T:
     other one or cannot be read, JobError where the reader fails."""
     wanted = "mesh" if kind is TriangleMesh else "surface"
     if reader.holds != wanted:
-        raise file_error(file, f"holds a {reader.holds}", f"give a {wanted}")
+        raise file_error(file, f"is read as a {reader.holds}", f"give a {wanted}")
     bytes_of(file)
     with run_added("readers", ending_of(file).removeprefix(".")):
         made = reader.read(file)
