@@ -1,4 +1,6 @@
 from .basis import Elements as Elements
+from .basis import bernstein_coefficients as bernstein_coefficients
+from .basis import distinct as distinct
 from .blades import Impeller as Impeller
 from .blades import blade_solid as blade_solid
 from .blades import impeller as impeller
@@ -16,6 +18,10 @@ from .query import project as project
 from .skinning import patch_surface as patch_surface
 from .skinning import skin as skin
 from .tessellation import Tessellation as Tessellation
+from .tessellation import checked_mesh as checked_mesh
+from .tessellation import corners_of as corners_of
+from .tessellation import patch_mesh as patch_mesh
+from .tessellation import split_to_tolerance as split_to_tolerance
 from .tessellation import tessellate as tessellate
 from .tmesh import OpenRowTMesh as OpenRowTMesh
 from .tmesh import RowTMesh as RowTMesh

@@ -20,12 +20,14 @@ from scipy.spatial import Delaunay, cKDTree
 
 from bonecam.arrays import dots
 from bonecam.errors import SurfaceError
-from bonecam.kernels import triangles
-from bonecam.surface import Elements, Tessellation, TSpline
-from bonecam.surface.tessellation import MARGIN, checked_mesh
+from bonecam.kernels.triangles import triangle_distances
+from bonecam.surface import Elements, Tessellation, TSpline, checked_mesh
 
 CUBIC = 16
 """Bernstein coefficients of a function on a bicubic element."""
+
+MARGIN = 0.9
+"""Share of the tolerance is kept at the measured places: between them the surface may lie a little farther off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +272,7 @@ def _triangulate(
         # How far the surface is from the faces, at the middles of their sides and their own
         points = net.positions(e, uv)
         middles = (net.positions(e, np.einsum("c,fcd->fd", share, uv[cut])) for share in MIDDLES)
-        worst[e] = np.max([triangles.triangle_distances(middle, points, cut.astype(np.int64)) for middle in middles])
+        worst[e] = np.max([triangle_distances(middle, points, cut.astype(np.int64)) for middle in middles])
         if angle is not None:
             normals = net.normals(e, uv)
             edges = np.vstack([cut[:, [0, 1]], cut[:, [1, 2]], cut[:, [2, 0]]])

@@ -24,14 +24,10 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
-from bonecam.mesh import TriangleMesh
-from bonecam.mesh.files.mesh_files import bytes_of
-from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
+from bonecam.mesh import CUT_SHORT, ContentError, TriangleMesh, bytes_of, finite_numbers, numbered_words, whole_numbers
 from bonecam.plugins import Reader
 from bonecam.surface import TSpline, tessellate
-from bonecam.surface.files.surface_input import check_surface_size
-from bonecam.surface.files.tspline_text import number_words
-from bonecam.text.numbers import shown
+from bonecam.text.numbers import number_words, shown
 
 LARGEST_DEGREE = 9
 LARGEST_COEFFICIENT = 100.0
@@ -148,12 +144,12 @@ MOST_VERTICES = 3000
 def _mesh_of(path: Path) -> TriangleMesh:
     """The triangles of an .iga file: its elements share no parameters that passes could follow."""
     surface = read_iga(path)
-    check_surface_size(surface, path)
     chord = CHORD * float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
     try:
         return tessellate(surface, chord, most_vertices=MOST_VERTICES * surface.tmesh.size).mesh
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}", **{**error.evidence, "file": str(path)}) from error
+    except (SurfaceError, ValueError) as error:
+        evidence = getattr(error, "evidence", {})
+        raise SurfaceError(f"{path}: {error}", **{**evidence, "file": str(path)}) from error
 
 
 READER = Reader("mesh", _mesh_of, write_iga)

@@ -31,9 +31,16 @@ from scipy.sparse.csgraph import connected_components
 from bonecam.arrays import frozen
 from bonecam.errors import SurfaceError
 from bonecam.mesh import TriangleMesh
-from bonecam.surface import Elements, Tessellation, TSpline
-from bonecam.surface.basis import bernstein_coefficients, distinct
-from bonecam.surface.tessellation import ONE_POINT, corners_of, patch_mesh, split_to_tolerance
+from bonecam.surface import (
+    Elements,
+    Tessellation,
+    TSpline,
+    bernstein_coefficients,
+    corners_of,
+    distinct,
+    patch_mesh,
+    split_to_tolerance,
+)
 
 ROUNDING = 1e-12
 """Share of the knots' size: nearer knots of lines must be equal."""
@@ -387,7 +394,7 @@ def _joined_patches(
     for axis in (0, 1):
         if elements.period[axis]:
             low, end = elements.domain[axis]
-            last = np.abs(corners[:, axis] - end) <= ONE_POINT * np.abs(elements.domain).max()
+            last = np.abs(corners[:, axis] - end) <= ROUNDING * np.abs(elements.domain).max()
             corners[last, axis] = low
     return patch_mesh(surface, boxes, corners)
 

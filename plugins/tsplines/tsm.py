@@ -63,11 +63,10 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, SurfaceError, file_error
 from bonecam.files import write_whole
-from bonecam.mesh.files.mesh_files import bytes_of
+from bonecam.mesh import bytes_of
 from bonecam.plugins import Reader
 from bonecam.surface import RowTMesh, TSpline
-from bonecam.surface.files.tspline_text import HEADER, number_words, rows_in
-from bonecam.text.numbers import number, whole_number
+from bonecam.text.numbers import number, number_words, whole_number
 
 DIRECTIONS = ("EAST", "NORTH", "WEST", "SOUTH")
 TSM_HEADER = "#TS0200"
@@ -805,8 +804,8 @@ def _topology(mesh: TMesh, own: list[int], neighbours: Int64[ndarray, "v 4"]) ->
     return records + [f"ec {n // 2} 0" for n in range(0, len(links), 2) if -1 in (face[n], face[n + 1])]
 
 
-def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline:
-    """The T-spline of a .tsm file, or of one in bonecam's own text form.
+def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline[TMesh]:
+    """The T-spline of a .tsm file.
 
     A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are
     taken as they stand, S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight
@@ -815,15 +814,10 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
     Raises FileError naming line and record.
     """
     path = Path(path)
-    data = bytes_of(path)
-    text = data.decode("utf-8", errors="replace")
+    text = bytes_of(path).decode("utf-8", errors="replace")
     first = text.split("\n", 1)[0].strip()
-    if first == HEADER:
-        return rows_in(data, path)
     if first.split()[:1] != [TSM_HEADER]:
-        raise FileError(
-            f"{path}: the first line must be '{TSM_HEADER}' or '{HEADER}', not '{first[:40]}'", file=str(path), line=1
-        )
+        raise FileError(f"{path}: the first line must be '{TSM_HEADER}', not '{first[:40]}'", file=str(path), line=1)
     return _read_half_edges(parse_tsm(text, path), path, homogeneous, to_mm)
 
 

@@ -114,12 +114,11 @@ def reader_of(path: str | Path) -> Reader | None:
 
 
 def made_by(reader: Reader, file: Path, kind: type[T]) -> T:
-    """What the reader of a file makes of it, a TriangleMesh or TSpline as `kind` says. FileError where it holds the
-    other one or cannot be read, JobError where the reader fails."""
+    """What the reader of a file makes of it, a TriangleMesh or TSpline as `kind` says. FileError where it makes the
+    other one or finds the file damaged, JobError where it fails."""
     wanted = "mesh" if kind is TriangleMesh else "surface"
     if reader.holds != wanted:
         raise file_error(file, f"is read as a {reader.holds}", f"give a {wanted}")
-    bytes_of(file)
     with run_added("readers", ending_of(file).removeprefix(".")):
         made = reader.read(file)
         if not isinstance(made, kind):
@@ -167,6 +166,7 @@ def read_mesh_file(path: str | Path, also: tuple[str, ...] = ()) -> MeshFile:
     file = Path(path)
     reader = reader_of(file)
     if reader is not None:
+        bytes_of(file)
         return MeshFile(made_by(reader, file, TriangleMesh), "mm")
     known = file.suffix.lower() in READABLE or os.path.isdir(file)
     if not known and (file.suffix or os.path.exists(file)):

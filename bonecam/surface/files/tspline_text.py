@@ -23,7 +23,6 @@ S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is t
 start with # and empty lines are comments.
 """
 
-from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 
@@ -37,6 +36,7 @@ from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers,
 from bonecam.plugins import Reader, reader_endings, run_added
 from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
+from bonecam.text.numbers import number_words
 
 TSPLINE = ".tspline"
 """The ending of files in bonecam's own form."""
@@ -87,11 +87,6 @@ def parse_rows(data: bytes) -> TSpline:
         raise ContentError(str(error), line=line) from error
 
 
-def number_words(values: Iterable[float]) -> str:
-    """Numbers in the shortest decimals that read back as the same doubles."""
-    return " ".join(repr(float(value)) for value in values)
-
-
 def _reader_of(path: str | Path) -> Reader | None:
     """What users or packages read a file with that is not in bonecam's own form."""
     return None if Path(path).suffix.lower() == TSPLINE else reader_of(path)
@@ -104,14 +99,13 @@ def holds_tspline(path: str | Path) -> bool:
 
 
 def load_surface(path: str | Path) -> TSpline:
-    """The T-spline of a file, mm: with an ending that a plugin reads surfaces from, or else in bonecam's own form.
-    FileError names the line where it is damaged."""
+    """The T-spline of a file, mm: in bonecam's own form, whatever its ending, or with one that a plugin reads surfaces
+    from. FileError names the line where it is damaged."""
+    path = Path(path)
+    data = bytes_of(path)
     reader = _reader_of(path)
-    return rows_in(bytes_of(Path(path)), Path(path)) if reader is None else made_by(reader, Path(path), TSpline)
-
-
-def rows_in(data: bytes, path: Path) -> TSpline:
-    """The T-spline in the bytes of a file in bonecam's own form; FileError with the line where it is damaged."""
+    if reader is not None and not data.startswith(HEADER.encode()):
+        return made_by(reader, path, TSpline)
     first = data.split(b"\n", 1)[0].strip().decode(errors="replace")
     if first != HEADER:
         what = f"the first line must be '{HEADER}', not '{first[:40]}'"
