@@ -13,7 +13,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from general_tsplines import as_general
+from rows_to_general import as_general
 from scipy.interpolate import NdBSpline
 
 from bonecam.surface import RowTMesh, TSpline

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from bonecam_plugins.tsplines import TMesh, diagnose, read_iga, read_tsm, write_iga, write_tsm
-from general_tsplines import as_general, inner_samples, random_tspline, torus_text
+from general_tsplines import inner_samples, random_tspline, torus_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rows_to_general import as_general
 from tsplines import assert_unchanged_by_refinement, bone_like, open_rows, own_surfaces, rows_apart_by_rounding
 
 from bonecam.errors import SurfaceError

@@ -8,10 +8,11 @@ import igl
 import numpy as np
 import pytest
 from bonecam_plugins.tsplines import ExtractedTMesh, read_iga, read_tsm, write_iga
-from general_tsplines import as_general, inner_samples, random_tspline, torus_text
+from general_tsplines import inner_samples, random_tspline, torus_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_bodies import assert_closed_sphere
+from rows_to_general import as_general
 from tsplines import bone_like
 
 from bonecam.errors import SurfaceError
