@@ -14,7 +14,7 @@ hypothesis.settings.register_profile("bonecam", deadline=None)  # other work on 
 hypothesis.settings.load_profile("bonecam")
 check_stages([f"bonecam.{stage}" for stage in STAGES])
 
-SHARED = Path("/work/shared")
+SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 @pytest.fixture(scope="session")
