@@ -72,12 +72,13 @@ def finish(
 ) -> Finished:
     """The verified program that machines one surface, open or closed, with the job's finishing cutter in one level.
 
-    `surface` is a file (rows of points, STEP, IGES, `.tsm`, `.tspline`, an open mesh with four corners), such a mesh in
-    memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud, fixtures) are closed solids
-    that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the table's axis. One closed round s,
-    or up to a blunt edge, bounds a solid itself; others need the part. All stands on the post of [holding]. The text's
-    removal is simulated (`simulation`) from what stands before: the solids, and `levels.finishing_depth` of material on
-    the surface; force and bending are asked (`mechanics`). Raises a BonecamError.
+    `surface` is a file (rows of points, STEP, IGES, `.tspline`, one that a plugin reads, an open mesh with four
+    corners), such a mesh in memory, or a TSpline; its normals face outward. `part` and `obstacles` (hub, shroud,
+    fixtures) are closed solids that nothing may gouge, in one frame with it and the unit `job.mesh.units`, Z the
+    table's axis. One closed round s, or up to a blunt edge, bounds a solid itself; others need the part. All stands on
+    the post of [holding]. The text's removal is simulated (`simulation`) from what stands before: the solids, and
+    `levels.finishing_depth` of material on the surface; force and bending are asked (`mechanics`). Raises a
+    BonecamError.
     """
     job = job or Job()
     machine, dialect = machine_and_dialect(job.nc)

@@ -73,7 +73,8 @@ def named_files(kind: str, shipped: Path | None = None, endings: tuple[str, ...]
 @dataclass(frozen=True)
 class Reader:
     """Files with an ending of a plugin's: `read` takes a path and returns a TriangleMesh or a TSpline as `holds` says,
-    mm (FileError where the file is damaged); `write`, if there is one, takes a TSpline and a path."""
+    mm (FileError where the file is damaged); `write`, if there is one, takes a TSpline and a path. An ending is named
+    in small letters, without its dot."""
 
     holds: Literal["mesh", "surface"]
     read: Callable[[Path], Any]
@@ -129,6 +130,11 @@ def check_added(kind: str, name: str) -> None:
     """JobError where the object of a name cannot be loaded; a name of what ships is none of these."""
     if name in added_names(kind):
         added(kind, name)
+
+
+def reader_endings() -> tuple[str, ...]:
+    """The endings of the files that users and packages read, with the dot."""
+    return tuple(f".{name}" for name in added_names("readers"))
 
 
 def all_added(kind: str) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from bonecam.report.page.page import page_html
 from bonecam.report.stage_reports import gouge_to_given
 from bonecam.report.summary import removal_lines
 from bonecam.report.warnings import NOT_ASKED, mechanics_lines, warning_lines, warnings_of
-from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface.files.tspline_text import load_surface
 from bonecam.verify.control import header_of, program_text
 from bonecam.verify.findings import GivenRemoval, GivenSurface, NotJudged, Removal, into_given
 from bonecam.verify.gouge import measure_gouge
@@ -149,7 +149,7 @@ def _simulate_first(
         post=post,
         cutters=cutters_of(job, machine),
         clamping=clamping,
-        part=read_tsm(keep / "surface.tspline"),
+        part=load_surface(keep / "surface.tspline"),
         limits=depth_limits(text, machine, dialect, job, map(job.levels.depth_onto, range(levels - 1))),
         scallops=level_scallops(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},

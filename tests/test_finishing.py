@@ -16,7 +16,7 @@ from bonecam.mesh.triangle_mesh import keep_faces
 from bonecam.nc.requirements import job_dialect
 from bonecam.report import read_apt
 from bonecam.report.page.contents import unpack
-from bonecam.surface import TSpline, blade_solid, skin, write_tsm
+from bonecam.surface import TSpline, blade_solid, save_surface, skin
 from bonecam.tool import MoveKind
 from bonecam.verify.proof import prove_surface_removal
 
@@ -182,8 +182,6 @@ def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path):
         bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
     with pytest.raises(FileError, match=r"ending '\.mlx': give a surface that passes can follow"):
         bonecam.finish(tmp_path / "block.mlx", block(), job=JOB)
-    with pytest.raises(FileError, match=r"ending '\.iga': give a surface that passes can follow"):
-        bonecam.finish(tmp_path / "elements.iga", block(), job=JOB)
     with pytest.raises(FileError, match=r"missing\.stl"):
         bonecam.finish(panel(), tmp_path / "missing.stl", job=JOB)
     write_mesh(keep_faces(block(), slice(1, None)), tmp_path / "open.stl")
@@ -210,7 +208,7 @@ def test_closed_surfaces_that_bound_no_solid_are_refused():
 
 def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(tmp_path):
     huge = pebble().with_control_points(1e4 * pebble().control_points)
-    write_tsm(huge, tmp_path / "huge.tspline")
+    save_surface(huge, tmp_path / "huge.tspline")
     for given, name in ((huge, "the surface"), (tmp_path / "huge.tspline", r"huge\.tspline")):
         with pytest.raises(UnitsError, match=rf"{name}: .*e\+05 mm from corner to corner: .*: scale it first"):
             bonecam.finish(given, job=JOB)

@@ -16,7 +16,7 @@ ORDER = [
 ROOMS = {
     "runtime": "threads loading compiling timing own_files staging worker".split(),
     "surface": [
-        *"basis tmesh query tessellation refinement diagnosis tspline fitting skinning".split(),
+        *"basis tmesh query tessellation refinement tspline fitting skinning".split(),
         *"growth files part_surface".split(),
     ],
     "levels": [

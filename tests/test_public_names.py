@@ -16,7 +16,7 @@ import bonecam
 
 ROOT = Path(__file__).parents[1]
 STAGES = "machine tool mesh surface workholding setup levels material mechanics planning nc verify report".split()
-PLUGINS = ["bonecam_plugins.meshlab", "bonecam_plugins.reposting", "bonecam_plugins.study"]
+PLUGINS = [f"bonecam_plugins.{name}" for name in "meshlab reposting study tsplines".split()]
 PACKAGES = ["bonecam", *(f"bonecam.{name}" for name in STAGES), *PLUGINS]
 
 

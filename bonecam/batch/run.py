@@ -51,13 +51,13 @@ from bonecam.nc.parts import is_split
 from bonecam.nc.program import check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
-from bonecam.plugins import plugin_folders
+from bonecam.plugins import plugin_folders, reader_endings
 from bonecam.progress import Progress, silent
 from bonecam.report.tables import TABLE, Outcome, failed, outcome_of, read_rows, table_text
 from bonecam.runtime.own_files import PACKAGE, folder_digest, locked
 from bonecam.runtime.staging import remove_abandoned, undisturbed
 from bonecam.runtime.worker import WorkerError, call_in_worker
-from bonecam.surface.files.tspline_text import ENDINGS
+from bonecam.surface.files.tspline_text import TSPLINE
 from bonecam.text.numbers import Faults, shown
 
 COLUMNS = ("file", "job", "units", "stock", "output")
@@ -99,7 +99,7 @@ def _parts_of(given: str | Path | BatchPart, job: Job) -> list[BatchPart]:
     require_name(given)
     place = Path(given)
     if place.is_dir():
-        endings = (*READABLE, *LABEL_MAPS, *ENDINGS)
+        endings = (*READABLE, *LABEL_MAPS, TSPLINE, *reader_endings())
         seen = [file for file in place.iterdir() if not file.name.startswith(".") and file.name != TABLE]
         files = sorted(file for file in seen if ending_of(file) in endings)
         if not files:

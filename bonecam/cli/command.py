@@ -26,6 +26,7 @@ from bonecam.job.sections import job_error, setting
 from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.machine import machine_names
 from bonecam.nc.dialect import dialect_names
+from bonecam.plugins import reader_endings
 
 Argument = tuple[tuple[str, ...], dict[str, Any]]
 
@@ -62,6 +63,8 @@ def positive(most: float = math.inf) -> Callable[[str], float]:
     return number
 
 
+TSPLINES = ", ".join((".tspline", *reader_endings()))
+"""Endings of files with a T-spline, those that plugins add included."""
 PART = argument(
     "mesh",
     metavar="PART",
@@ -98,7 +101,7 @@ KEPT = [
 ]
 RESULTS = [
     argument("--report", metavar="FILE.json", help="file for the report of everything that was measured"),
-    argument("--surface", metavar="FILE", help="file for the T-spline: .tspline, .iga, .step or .iges"),
+    argument("--surface", metavar="FILE", help=f"file for the T-spline: {TSPLINES}, .step or .iges"),
     argument(
         "--html",
         metavar="FILE.html",

@@ -18,6 +18,7 @@ from bonecam.cli.command import (
     PROOFS,
     REPORT,
     RESULTS,
+    TSPLINES,
     UNPOSTED,
     VERBOSITY,
     Command,
@@ -245,8 +246,7 @@ COMMANDS: dict[str, Command] = {
             argument(
                 "surface",
                 metavar="SURFACE",
-                help="rows of points, .step, .iges, .tsm, .tspline or an open mesh; normals outward, the table's "
-                "axis Z",
+                help=f"rows of points, .step, .iges, {TSPLINES} or an open mesh; normals outward, the table's axis Z",
             ),
             argument("--part", metavar="MESH", help="solid that is not gouged; open surfaces need it"),
             argument(

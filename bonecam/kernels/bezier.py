@@ -1,9 +1,8 @@
 """Rational Bezier patches and their basis, compiled: find the element, evaluate, differentiate.
 
-A patch of degree d is (d + 1)^2 homogeneous control points (w x, w y, w z, w), s fastest: of a bicubic one row 4 j + i
-belongs to B_i(u) B_j(v) on the element's box. The derivatives follow from differentiating S W = A. All but
-`derivatives`, which is slower, are for bicubic patches only. The rational basis and its derivatives are written as rows
-of sparse matrices. The element that holds (s, t) is searched in strips of t.
+A bicubic patch is 16 homogeneous control points (w x, w y, w z, w), s fastest: row 4 j + i
+belongs to B_i(u) B_j(v) on the element's box. The derivatives follow from differentiating S W = A. The rational basis
+and its derivatives are written as rows of sparse matrices. The element that holds (s, t) is searched in strips of t.
 """
 
 from typing import TypeAlias
@@ -248,72 +247,6 @@ def basis_values(
                     values[3, q] = (values[3, q] - 2.0 * Ws * Rs - Wss * R) * inverse
                     values[4, q] = (values[4, q] - Ws * Rt - Wt * Rs - Wst * R) * inverse
                     values[5, q] = (values[5, q] - 2.0 * Wt * Rt - Wtt * R) * inverse
-
-
-@inner_njit(fastmath=CONTRACT)
-def _of_degree(x: float, degree: int, B: ndarray) -> None:
-    """Write the Bernstein polynomials of a degree at x into B[: degree + 1]."""
-    B[:] = 0.0
-    B[0] = 1.0
-    for d in range(1, degree + 1):
-        for i in range(d, 0, -1):
-            B[i] = x * B[i - 1] + (1.0 - x) * B[i]
-        B[0] *= 1.0 - x
-
-
-@inner_njit(fastmath=CONTRACT)
-def _bernstein(x: float, h: float, degree: int, B: ndarray) -> None:
-    """Write the Bernstein polynomials at x and their first two derivatives into the rows of B (3, degree +
-    1).
-
-    `h` is 1 / width of the element.
-    """
-    lower = np.empty(degree + 1)
-    _of_degree(x, degree, B[0])
-    B[1:] = 0.0
-    for order in (1, 2):
-        if order <= degree:
-            _of_degree(x, degree - order, lower)
-            factor = degree * h if order == 1 else degree * (degree - 1) * h * h
-            for i in range(degree + 1 - order):
-                B[order, i + order] += factor * lower[i]
-                if order == 1:
-                    B[1, i] -= factor * lower[i]
-                else:
-                    B[2, i + 1] -= 2.0 * factor * lower[i]
-                    B[2, i] += factor * lower[i]
-
-
-@njit(cache=True, fastmath=CONTRACT)
-def derivatives(
-    patches: ndarray, boxes: ndarray, element: ndarray, s: ndarray, t: ndarray, degree: int, D: ndarray
-) -> None:
-    """Write S, S_s, S_t, S_ss, S_st, S_tt at each sample into D (1, 3 or 6, n, 3), as many as it holds."""
-    a, b = np.empty((3, degree + 1)), np.empty((3, degree + 1))
-    A = np.empty((6, 4))
-    orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-    for n in range(len(s)):
-        e = element[n]
-        x, y, h, k = _in_element(boxes[e], s[n], t[n])
-        _bernstein(x, h, degree, a)
-        _bernstein(y, k, degree, b)
-        A[:] = 0.0
-        for m in range(len(D)):
-            i, j = orders[m]
-            for q in range(degree + 1):
-                for p in range(degree + 1):
-                    for d in range(4):
-                        A[m, d] += a[i, p] * b[j, q] * patches[e, q * (degree + 1) + p, d]
-        w = 1.0 / A[0, 3]
-        for d in range(3):
-            D[0, n, d] = A[0, d] * w
-            if len(D) > 1:
-                D[1, n, d] = (A[1, d] - A[1, 3] * D[0, n, d]) * w
-                D[2, n, d] = (A[2, d] - A[2, 3] * D[0, n, d]) * w
-            if len(D) > 3:
-                D[3, n, d] = (A[3, d] - 2.0 * A[1, 3] * D[1, n, d] - A[3, 3] * D[0, n, d]) * w
-                D[4, n, d] = (A[4, d] - A[1, 3] * D[2, n, d] - A[2, 3] * D[1, n, d] - A[4, 3] * D[0, n, d]) * w
-                D[5, n, d] = (A[5, d] - 2.0 * A[2, 3] * D[2, n, d] - A[5, 3] * D[0, n, d]) * w
 
 
 @njit(inline="always")

@@ -14,6 +14,11 @@ from .files.mesh_files import read_content as read_content
 from .files.mesh_files import read_in_mm as read_in_mm
 from .files.mesh_files import read_mesh as read_mesh
 from .files.mesh_files import write_mesh as write_mesh
+from .files.polygons import CUT_SHORT as CUT_SHORT
+from .files.polygons import ContentError as ContentError
+from .files.polygons import finite_numbers as finite_numbers
+from .files.polygons import numbered_words as numbered_words
+from .files.polygons import whole_numbers as whole_numbers
 from .healing import Fault as Fault
 from .healing import faults_of as faults_of
 from .healing import repair as repair

@@ -36,6 +36,7 @@ from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import Program
 from bonecam.planning.collision import level_scene
 from bonecam.planning.stump import cut_groove
+from bonecam.plugins import reader_endings
 from bonecam.report.machine_picture import draw_machine
 from bonecam.report.page.contents import NO_LEVEL, Contents, pack, run_contents, second_contents, unpack
 from bonecam.report.page.page import page_html
@@ -59,7 +60,7 @@ from bonecam.runtime.staging import staged
 from bonecam.setup.placement import KEPT_STOCK
 from bonecam.setup.stock import LyingPart, Stock, schedule_of, stock_round
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.surface.files.tspline_text import write_tsm
+from bonecam.surface.files.tspline_text import save_surface
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.control import header_of
@@ -468,6 +469,12 @@ SERIES = (
 removes those that an earlier one wrote there."""
 
 
+def keep_elements(surface: TSpline, work: Path) -> None:
+    """Write the surface.iga of a surface that is machined alone, where a plugin writes such files."""
+    if ".iga" in reader_endings():
+        save_surface(surface, work / "surface.iga")
+
+
 def fill_kept_folder(work: Path, made: Morphed) -> None:
     """Write into `work` surface.tspline, given.ply, the files of `keep_levels`, view.gz, job.toml and report.json; of a
     program its text, toolpath.csv, toolpath.apt, toolpath.png, machine.png, stump.png, second.* if there is a second
@@ -475,7 +482,7 @@ def fill_kept_folder(work: Path, made: Morphed) -> None:
     engagement.png where it was simulated, and error.ply and error.png where it was asked what bends."""
     levels = made.levels.levels
     post = (made.job.holding.diameter, post_below(made.part.mesh, made.job.holding).top)
-    write_tsm(made.surface, work / "surface.tspline")
+    save_surface(made.surface, work / "surface.tspline")
     write_mesh(made.part.placed_given, work / GIVEN)
     keep_into(work, levels, made.stock, post)
     (work / VIEW).write_bytes(made.packed_view)

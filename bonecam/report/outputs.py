@@ -37,6 +37,7 @@ from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import Program, check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.planning.surface_paths import Workpiece
+from bonecam.plugins import reader_endings
 from bonecam.progress import Progress, report, silent
 from bonecam.report.kept import (
     GIVEN,
@@ -47,6 +48,7 @@ from bonecam.report.kept import (
     Shown,
     check_page_name,
     fill_kept_folder,
+    keep_elements,
     keep_into,
     keep_job,
     write_paths,
@@ -61,8 +63,7 @@ from bonecam.report.typed import RefusedFigures, report_text
 from bonecam.report.warnings import NOT_ASKED, Warned, simulated_text, with_warnings
 from bonecam.runtime.staging import Staging, placed, staged
 from bonecam.runtime.timing import StageTimes
-from bonecam.surface.files.iga import write_iga
-from bonecam.surface.files.tspline_text import TEXTS, check_target, save_surface, write_tsm
+from bonecam.surface.files.tspline_text import TSPLINE, check_target, save_surface
 from bonecam.tool.path import ToolPath
 from bonecam.verify.findings import Removal
 from bonecam.verify.proof import CHORD
@@ -189,7 +190,7 @@ def check_ending(program: Path, dialect: Dialect) -> None:
 
     programs = {read_dialect(name).extension for name in dialect_names()}
     other = ISO if dialect.grammar == "klartext" else ()
-    foreign = {*MESHES, *CAD, *TEXTS, *programs, *other} - {dialect.extension, SHARED}
+    foreign = {*MESHES, *CAD, TSPLINE, *reader_endings(), *programs, *other} - {dialect.extension, SHARED}
     if program.suffix.lower() in foreign:
         trouble = f"{dialect.name} programs do not end in {program.suffix}"
         remedy = f"name it {proposed}, or choose another --controller"
@@ -297,7 +298,7 @@ def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
     write_whole(work / "refused.txt", f"{error}\n")
     keep_job(work, morphed)
     write_mesh(morphed.part.placed_given, work / GIVEN)
-    write_tsm(morphed.surface, work / "surface.tspline")
+    save_surface(morphed.surface, work / "surface.tspline")
     keep_into(work, levels, morphed.stock, (holding.diameter, post_below(morphed.part.mesh, holding).top))
     program = error.evidence.get("program")
     paths = error.evidence.get("paths", ())
@@ -363,7 +364,7 @@ class Finished(Machined):
 
     def fill_folder(self, work: Path) -> None:
         """Write surface.iga, solid.ply, toolpath.png, axes.png, axes.md, and what all runs have."""
-        write_iga(self.workpiece.surface, work / "surface.iga")
+        keep_elements(self.workpiece.surface, work)
         write_mesh(self.workpiece.solid, work / "solid.ply")
         self._draw(work / "toolpath.png")
         compared = self.compare_axes()

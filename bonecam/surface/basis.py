@@ -23,7 +23,6 @@ from numpy import ndarray
 from scipy.sparse.linalg import splu
 
 from bonecam.arrays import frozen
-from bonecam.errors import SurfaceError
 from bonecam.kernels import bezier
 
 
@@ -200,9 +199,8 @@ class Elements:
     """Boxes (s_low, s_high, t_low, t_high) that tile the domain; functions starts[e]:starts[e+1] live on box
     e.
 
-    coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest ((d + 1) x (d + 1) where
-    elements of another degree d come from a file; kernels.bezier.any_degree evaluates them). `period` is the
-    length of a closed direction (s, t), 0 where it is open. Functions are increasing within an element.
+    coefficients[k] belongs to functions[k]: 4 x 4 Bernstein coefficients, s fastest. `period` is the length of a
+    closed direction (s, t), 0 where it is open. Functions are increasing within an element.
     """
 
     boxes: Float[ndarray, "e 4"]
@@ -292,9 +290,7 @@ class Elements:
         given elements."""
         derivatives = np.empty(((1, 3, 6)[order], len(s), 3))
         s, t = np.ascontiguousarray(s), np.ascontiguousarray(t)
-        if self.degree != 3:
-            bezier.derivatives(patches, self.boxes, element=element, s=s, t=t, degree=self.degree, D=derivatives)
-        elif order == 0:
+        if order == 0:
             bezier.positions(patches, self.boxes, element=element, s=s, t=t, S=derivatives[0])
         elif order == 1:
             bezier.first_derivatives(patches, self.boxes, element, s, t, *derivatives)
@@ -305,12 +301,7 @@ class Elements:
     def basis(
         self, weights: Float[ndarray, " m"], s: Float[ndarray, " n"], t: Float[ndarray, " n"], order: int
     ) -> tuple[sp.csr_array, ...]:
-        """The rational basis R; R_s, R_t (order 1); R_ss, R_st, R_tt (order 2): sparse (n, m).
-
-        Raises SurfaceError where the elements are not cubic.
-        """
-        if self.degree != 3:
-            raise SurfaceError(f"the elements have degree {self.degree}: the basis is assembled for cubic ones")
+        """The rational basis R; R_s, R_t (order 1); R_ss, R_st, R_tt (order 2): sparse (n, m)."""
         place, s, t = self.place(s, t)
         ends = np.cumsum(np.diff(self.starts)[place])
         total = int(ends[-1]) if len(ends) else 0

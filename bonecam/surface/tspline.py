@@ -14,7 +14,6 @@ from bonecam.mesh.facets import Curvature
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.surface import query
 from bonecam.surface.basis import Elements
-from bonecam.surface.diagnosis import Diagnosis, diagnose
 from bonecam.surface.query import Projection, Seeds, curvature_at, normals_at, project, seeds_on
 from bonecam.surface.refinement import refine
 from bonecam.surface.tessellation import Tessellation, tessellate
@@ -32,7 +31,7 @@ LARGEST = 1e30
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TSpline(Generic[M]):
-    """Control points (n, 3) in mm and positive weights (n,) over a T-mesh, row-structured or general."""
+    """Control points (n, 3) in mm and positive weights (n,) over a T-mesh."""
 
     tmesh: M
     control_points: Float[ndarray, "n 3"]
@@ -151,10 +150,6 @@ class TSpline(Generic[M]):
     def project(self, points: Float[ndarray, "n 3"]) -> Projection:
         """Parameters (n, 2) of the closest surface points, these points (n, 3) and their distances (n,), mm."""
         return project(self, points)
-
-    def diagnose(self) -> Diagnosis:
-        """Whether the T-spline is standard, semi-standard or analysis-suitable, and its nullity."""
-        return diagnose(self)
 
     def tessellate(self, chord_tolerance: float, angle_tolerance: float | None = None) -> TriangleMesh:
         """A watertight, outward triangle mesh within the measured `chord_tolerance` (mm) of the surface."""

@@ -10,7 +10,7 @@ template of a stranger reaches nothing but its fields, and what it makes is not 
 
 import re
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 MOST_CHARACTERS = 800
 """Characters of a message after which it tells only the number of further faults."""
@@ -126,3 +126,8 @@ def check_printable(text: str) -> str:
             odd = next(letter for letter in line if not letter.isprintable())
             raise ValueError(f"has the character {odd!r}: give printable ones only")
     return text
+
+
+def number_words(values: Iterable[float]) -> str:
+    """Numbers in the shortest decimals that read back as the same doubles."""
+    return " ".join(repr(float(value)) for value in values)

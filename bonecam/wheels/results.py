@@ -18,6 +18,7 @@ from bonecam.nc import Program
 from bonecam.nc.header import ZeroWords, setup_texts, zero_words
 from bonecam.nc.requirements import machine_and_dialect
 from bonecam.report import levels_report
+from bonecam.report.kept import keep_elements
 from bonecam.report.outputs import Machined, fill_shared
 from bonecam.report.page.contents import Contents, contents_with_program, held, pack
 from bonecam.report.pictures import DPI, outline, save_figure
@@ -36,7 +37,6 @@ from bonecam.report.sheet.setup_sheet import (
 from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import cuts_text, surface_summary
 from bonecam.report.warnings import Warned, warning_texts
-from bonecam.surface import write_iga
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import Removal
 from bonecam.wheels.proof import wheel_surfaces
@@ -72,7 +72,7 @@ class Bladed(Machined):
 
     def fill_folder(self, work: Path) -> None:
         """Write surface.iga, solid.ply, blank.ply, blank.csv, toolpath.png, and what all runs have."""
-        write_iga(self.wheel.blade, work / "surface.iga")
+        keep_elements(self.wheel.blade, work)
         write_mesh(self.workpiece.solid, work / "solid.ply")
         write_mesh(self.blank.mesh, work / "blank.ply")
         rows = [f"{radius:.4f},{height:.4f}\n" for radius, height in self.blank.profile]

@@ -40,8 +40,7 @@ from bonecam.report.kept import kept_job, kept_surface, with_kept_cutters
 from bonecam.report.outputs import Outputs
 from bonecam.report.tables import ClPath, read_apt
 from bonecam.simulation import simulate, simulation_report, simulation_text
-from bonecam.surface.files.tspline_text import read_tsm
-from bonecam.surface.tspline import TSpline
+from bonecam.surface import TSpline, load_surface
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.verify.findings import Removal
@@ -295,7 +294,7 @@ def _design_file(part_file: str | Path | None, keep: str | Path | None) -> Path:
 def _design(file: Path, job: Job) -> TSpline | MeshDistance:
     """What must not be gouged: the surface of a kept run, or a mesh."""
     if file.suffix == ".tspline":
-        return read_tsm(file)
+        return load_surface(file)
     return MeshDistance(read_in_mm(file, job.mesh.units))
 
 

@@ -51,7 +51,6 @@ from bonecam.pipeline import check_job
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report import Report
 from bonecam.report.kept import kept_contents, kept_levels
-from bonecam.surface import read_tsm
 from bonecam.surface.files.surface_input import holds_surface
 from bonecam.verify import prove_removal
 from bonecam.verify.control import program_text
@@ -208,7 +207,7 @@ def probe(
         raise FileError(f"{folder}: has no {kept.name}: {remedy}", file=str(kept))
     text = program_text(kept, machine, dialect, job)
     mesh, _, _ = kept_levels(text, kept, folder)
-    part_surface = read_tsm(folder / "surface.tspline")
+    part_surface = load_surface(folder / "surface.tspline")
     probed_line = probe_line(part_surface, post_below(mesh, job.holding), radius, points, line)
     measuring = ""
     if program is not None:

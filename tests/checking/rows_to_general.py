@@ -2,10 +2,11 @@
 equal control points."""
 
 import numpy as np
+from bonecam_plugins.tsplines import TMesh
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
-from bonecam.surface import OpenRowTMesh, TMesh, TSpline
+from bonecam.surface import OpenRowTMesh, TSpline
 from bonecam.surface.refinement import aligned
 
 POLE_POINTS = 4

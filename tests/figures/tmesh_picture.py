@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bonecam_plugins.tsplines.tmesh import TMesh, knots_of_lines
 from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.errors import SurfaceError
 from bonecam.report.pictures import Plot, draw_shaded, lay_out, new_figure, save_figure
-from bonecam.surface import RowTMesh, TMesh, TSpline
-from bonecam.surface.tmesh import knots_of_lines
+from bonecam.surface import RowTMesh, TSpline
 
 CHORD = 0.01
 """Chord tolerance of the shaded surface, mm."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bonecam_plugins.meshlab.meshlab_values import read_calls
+from bonecam_plugins.tsplines import TMesh, read_iga, read_tsm
 from mutations import mutate, outcome
 from small_parts import capsule_path, pebble
 
@@ -19,7 +20,7 @@ from bonecam.mesh.files.points import read_blocks
 from bonecam.nc import read_dialect, read_program, write_program
 from bonecam.nc.dialect import DIALECTS
 from bonecam.pipeline import check_job
-from bonecam.surface import TMesh, TSpline, read_iga, read_tsm, write_iga, write_tsm
+from bonecam.surface import TSpline, save_surface
 from bonecam.surface.files.surface_input import read_part
 
 DEFAULT = 25
@@ -61,9 +62,9 @@ def sound(tmp_path_factory):
     """A sound file of every kind."""
     folder = tmp_path_factory.mktemp("sound")
     surface = pebble()
-    write_tsm(surface, folder / "a.tspline")
-    write_iga(patch(), folder / "a.iga")
-    write_tsm(patch(), folder / "a.tsm")
+    save_surface(surface, folder / "a.tspline")
+    save_surface(patch(), folder / "a.iga")
+    save_surface(patch(), folder / "a.tsm")
     turn = 2 * np.pi * np.arange(16) / 16
     angles = np.linspace(0.0, np.pi, 9)
     rings = [

@@ -26,7 +26,7 @@ from bonecam.levels.problem import (
 )
 from bonecam.mesh import MeshDistance
 from bonecam.setup import Box, Capsule, Cylinder, Schedule
-from bonecam.surface import TSpline, write_tsm
+from bonecam.surface import TSpline, save_surface
 from bonecam.surface.query import closest_points_near
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
@@ -56,10 +56,10 @@ from bonecam.levels.open_morph import morph_open
 from bonecam.levels.job_levels import levels_in
 from bonecam.setup.stock import Schedule
 from bonecam.setup.capsule import Capsule
-from bonecam.surface.files.tspline_text import read_tsm
+from bonecam.surface import load_surface
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
-part = read_tsm("part.tspline")
+part = load_surface("part.tspline")
 for call in (
     lambda: levels_in(STOCK, part, SCHEDULE),
     lambda: morph(part, SCHEDULE, STOCK),
@@ -90,7 +90,7 @@ for call in (
 
 def test_arguments_of_another_kind_are_refused_with_what_to_give(tmp_path):
     """In a process of its own, without these tests' own check of types."""
-    write_tsm(waisted(), tmp_path / "part.tspline")
+    save_surface(waisted(), tmp_path / "part.tspline")
     ran = subprocess.run([sys.executable, "-c", CALLS], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert re.sub(", such as.*", "", ran.stdout).splitlines() == [
         "surface is a Capsule: give a TSpline",

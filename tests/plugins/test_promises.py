@@ -12,7 +12,7 @@ MODULES = {
     "bonecam",
     *(f"bonecam.{name}" for name in "plugins errors files progress arrays cli.command job.parameter".split()),
     *(f"bonecam.{name}" for name in "mesh.meshlab runtime.own_files runtime.staging runtime.worker".split()),
-    "bonecam.text.numbers",
+    *(f"bonecam.{name}" for name in "kernels kernels.triangles text.numbers".split()),
 }
 """Modules whose names are all promised (docs/pages/using/extend.md lists them)."""
 PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/__init__.py"))

@@ -1,8 +1,6 @@
 """Projection: the feet are feet, and no part of the surface is nearer.
 
 Curvature, area and volume against shapes whose values are known.
-
-Diagnosis: the models' kinds, and T-meshes whose kind is known.
 """
 
 import numpy as np
@@ -13,7 +11,7 @@ from scipy.spatial import KDTree
 from tsplines import bone_like, samples
 
 from bonecam.errors import SurfaceError
-from bonecam.surface import RowTMesh, TSpline, read_tsm
+from bonecam.surface import RowTMesh, TSpline
 
 
 def offset_points(seed: int, count: int) -> tuple[TSpline, np.ndarray]:
@@ -131,39 +129,3 @@ def test_a_pole_without_a_tangent_plane_is_an_error():
     points[1:8] = points[0]
     with pytest.raises(SurfaceError, match="no normal"):
         surface.with_control_points(points).normals(np.zeros(1), np.zeros(1))
-
-
-TABLE = {  # kind, faces on which the sum is one, faces, T-junctions, crossing, touching
-    "simple": ("standard", 3, 3, 1, 0, 0),
-    "fan": ("standard", 32, 32, 8, 0, 16),
-    "Bike": ("semi-standard", 69, 81, 2, 0, 0),
-    "mouse": ("non-standard", 0, 12, 6, 0, 0),
-    "face": ("non-standard", 43, 135, 16, 16, 0),
-    "gearbox2-9": ("non-standard", 0, 94, 56, 50, 24),
-}
-
-
-@pytest.mark.parametrize("name", TABLE)
-def test_the_models_are_of_their_kind(shared, name):
-    surface = read_tsm(shared / "tspline" / "tsm" / f"{name}.tsm")
-    found = surface.diagnose()
-    assert (
-        found.kind,
-        found.sums_to_one,
-        found.faces,
-        found.junctions,
-        len(found.crossing),
-        len(found.touching),
-    ) == TABLE[name]
-    assert found.nullity == 0
-    assert found.meeting == {"fan": 16, "face": 16, "gearbox2-9": 74}.get(name, 0)
-    if found.unit_weights is not None:
-        patches = surface.elements().patches(surface.control_points, found.unit_weights)
-        np.testing.assert_allclose(patches[:, :, 3], 1, atol=1e-10)
-
-
-def test_row_structured_surfaces_are_standard_and_independent():
-    found = bone_like(10, 7, 3).diagnose()
-    assert found.standard
-    assert found.analysis_suitable
-    assert found.linearly_independent

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tsplines import bone_like, samples
 
-from bonecam.surface import RowTMesh, TSpline, write_tsm
+from bonecam.surface import RowTMesh, TSpline, save_surface
 
 seeds = st.integers(0, 10_000)
 shapes = st.tuples(st.integers(4, 14), st.integers(4, 12))
@@ -140,11 +140,11 @@ def test_a_knot_that_is_the_seam_but_for_rounding_leaves_no_gap_before_it():
 
 def test_arrays_of_wrong_lengths_are_refused_where_no_types_are_checked(tmp_path):
     """In a process of its own, without the tests' own check of shapes."""
-    write_tsm(bone_like(8, 6), tmp_path / "surface.tspline")
+    save_surface(bone_like(8, 6), tmp_path / "surface.tspline")
     lines = [
         "import numpy as np",
-        "from bonecam.surface.files.tspline_text import read_tsm",
-        'surface = read_tsm("surface.tspline")',
+        "from bonecam.surface import load_surface",
+        'surface = load_surface("surface.tspline")',
     ]
     for call in WRONG:
         lines += ["try:", f"    {call}", "except ValueError as e:", "    print(e)"]

@@ -8,8 +8,7 @@ quarter circles are exact, so that areas are too.
 
 import numpy as np
 import pytest
-
-from bonecam.surface import read_iga
+from bonecam_plugins.tsplines import read_iga
 
 AREAS = {
     "arch_nurbs": np.pi * (2**2 - 1**2) / 4,

@@ -18,10 +18,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bonecam_plugins.tsplines import TMesh, diagnose, read_tsm
 from exact_cubic import exact_cubic
 from scipy.spatial import KDTree
 
-from bonecam.surface import TMesh, TSpline, read_tsm
+from bonecam.surface import TSpline
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
 
@@ -134,7 +135,7 @@ def test_the_sums_go_as_far_off_as_the_diagnosis_says(shared, name):
     samples = np.array([sample[:2] for face in oracle["faces"] for sample in face["samples"]])
     assert np.abs(sum_of(oracle["nodes"], *samples.T) - 1).max() == pytest.approx(sampled, abs=5e-4)
     assert sampled <= published < dense
-    assert unit.diagnose().sum_error == pytest.approx(dense, abs=1e-3)
+    assert diagnose(unit).sum_error == pytest.approx(dense, abs=1e-3)
 
 
 def sum_of(nodes: list[dict], s: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -157,7 +158,7 @@ def sum_of(nodes: list[dict], s: np.ndarray, t: np.ndarray) -> np.ndarray:
 def test_extensions_meet_as_often_as_integer_segments_do(shared, name):
     """Extensions rebuilt from the diagnosis' junctions and the oracle's knots as integer ranks, met pair by
     pair in plain Python."""
-    from bonecam.surface.diagnosis import junctions
+    from bonecam_plugins.tsplines.diagnosis import junctions
 
     folder = shared / "tspline" / "tsm"
     surface, oracle = (read_tsm(folder / f"{name}.tsm"), json.loads((folder / f"{name}.oracle.json").read_text()))

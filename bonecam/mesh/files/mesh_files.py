@@ -14,7 +14,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,7 @@ from numpy import ndarray
 from bonecam.errors import FileError, MeshError, file_error
 from bonecam.files import input_bytes, library_name, require_room, whole_file
 from bonecam.mesh.files.cad import IGES, STEP, read_cad_mesh
+from bonecam.mesh.files.label_map import LABEL_MAPS
 from bonecam.mesh.files.points import FEWEST, POINTS, read_blocks, reconstruct
 from bonecam.mesh.files.polygons import (
     LEFT_OUT,
@@ -40,6 +41,7 @@ from bonecam.mesh.files.vtk import parse_vtk, parse_vtp, parse_vtu
 from bonecam.mesh.meshlab import meshlab, quality_colours
 from bonecam.mesh.triangle_mesh import LARGEST_COORDINATE, TriangleMesh
 from bonecam.mesh.units import STATED, to_mm
+from bonecam.plugins import Reader, added, reader_endings, run_added
 
 STATED_AXES = re.compile(rb"\b(?:space|coordinate[ _-]?system)\s*[=:]\s*([a-z]+(?:-[a-z]+)*)", re.IGNORECASE)
 """A statement in a comment."""
@@ -99,6 +101,31 @@ WRITABLE = (".ply", ".stl")
 """Endings of the files that `write_mesh` writes."""
 
 
+T = TypeVar("T")
+
+
+def reader_of(path: str | Path) -> Reader | None:
+    """What users or packages read a file with, by its ending; None where nothing is, or what ships reads it."""
+    ending = ending_of(Path(path))
+    if ending in (*READABLE, *LABEL_MAPS) or ending not in reader_endings():
+        return None
+    reader: Reader = added("readers", ending.removeprefix("."))
+    return reader
+
+
+def made_by(reader: Reader, file: Path, kind: type[T]) -> T:
+    """What the reader of a file makes of it, a TriangleMesh or TSpline as `kind` says. FileError where it makes the
+    other one or finds the file damaged, JobError where it fails."""
+    wanted = "mesh" if kind is TriangleMesh else "surface"
+    if reader.holds != wanted:
+        raise file_error(file, f"is read as a {reader.holds}", f"give a {wanted}")
+    with run_added("readers", ending_of(file).removeprefix(".")):
+        made = reader.read(file)
+        if not isinstance(made, kind):
+            raise TypeError(f"it makes a {type(made).__name__} of {file}, no {kind.__name__}")
+        return made
+
+
 def ending_of(file: Path) -> str:
     """The ending of a file that tells its kind, in small letters: .nii.gz is one."""
     packed = file.suffix.lower() == ".gz"
@@ -133,14 +160,19 @@ def read_mesh_file(path: str | Path, also: tuple[str, ...] = ()) -> MeshFile:
     STEP, IGES, SAT and DXF need the extra `cad`; where they state their unit the triangles are in mm. Curved
     faces are tessellated. `also` are other endings that the caller reads itself: a refusal names them too.
     A dense point cloud (PLY without faces, or text of one block) gets a surface round it, see
-    `mesh.point_cloud`. FileError names the file, what is wrong with it and the remedy: it is missing, empty,
-    cut short, of an unknown kind, holds coordinates that are not numbers, or no triangles.
+    `mesh.point_cloud`; what a plugin reads is in mm. FileError names the file, what is wrong with it and the remedy: it
+    is missing, empty, cut short, of an unknown kind, holds coordinates that are not numbers, or no triangles.
     """
     file = Path(path)
+    reader = reader_of(file)
+    if reader is not None:
+        bytes_of(file)
+        return MeshFile(made_by(reader, file, TriangleMesh), "mm")
     known = file.suffix.lower() in READABLE or os.path.isdir(file)
     if not known and (file.suffix or os.path.exists(file)):
         ending = f"has the unknown ending {file.suffix!r}" if file.suffix else "has no ending that tells its kind"
-        raise file_error(file, ending, f"give a file that ends in one of {', '.join((*READABLE, *also))}")
+        endings = ", ".join((*READABLE, *reader_endings(), *also))
+        raise file_error(file, ending, f"give a file that ends in one of {endings}")
     data = bytes_of(file)
     ending = file.suffix.lower()
     if ending not in (*MESHES, *SCENES):

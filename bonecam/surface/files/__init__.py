@@ -1,1 +1,1 @@
-"""T-splines in files: .tspline, .tsm, .iga, STEP, IGES."""
+"""T-splines in files: .tspline, STEP, IGES, and what plugins read and write."""

@@ -19,19 +19,19 @@ from bonecam.errors import FilterError, MeshError, SurfaceError, UnitsError, cou
 from bonecam.job import Job, MeshJob, field_error
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.files.cad import IGES, STEP
-from bonecam.mesh.files.mesh_files import MESHES, read_in_mm, read_mesh, write_mesh
+from bonecam.mesh.files.mesh_files import MESHES, read_in_mm, read_mesh, reader_of, write_mesh
 from bonecam.mesh.files.points import POINTS
 from bonecam.mesh.part import Part, repaired_part
 from bonecam.mesh.pose import upright
 from bonecam.mesh.solids import self_intersections
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import LARGEST, mm_of, to_mm, unit_in
-from bonecam.plugins import added, added_names
+from bonecam.plugins import added, added_names, reader_endings
 from bonecam.progress import Progress, silent
 from bonecam.runtime.staging import temporary_folder
 from bonecam.surface.files.bspline import from_bspline
 from bonecam.surface.files.cad import read_bsplines
-from bonecam.surface.files.tspline_text import ENDINGS, read_tsm
+from bonecam.surface.files.tspline_text import TSPLINE, holds_tspline, load_surface
 from bonecam.surface.fitting import Deviation
 from bonecam.surface.growth import Fit
 from bonecam.surface.skinning import holds_rows, patch_surface, read_rows
@@ -84,10 +84,6 @@ def scripted_mesh(mesh: TriangleMesh, script: str) -> TriangleMesh:
     return meshes[0]
 
 
-KINDS = (*POINTS, *ENDINGS, *STEP, *IGES, *MESHES)
-"""Endings of the files that hold such a surface."""
-
-
 def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float) -> TSpline:
     """The surface in a file, mm: rows of points or an open mesh (in `units`), skinned within `tolerance` mm; a saved
     T-spline; or the B-spline of a STEP or IGES file with one face. Or that of an open mesh in memory.
@@ -98,14 +94,14 @@ def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float
         return patch_surface(to_mm(mesh_from(source), units), tolerance)
     file = Path(source)
     ending = file.suffix.lower()
-    if ending in ENDINGS:
-        surface = read_tsm(file, to_mm=True)
+    if holds_tspline(file):
+        surface = load_surface(file)
     elif ending in (*STEP, *IGES):
         faces = read_bsplines(file)
         if len(faces) != 1:
             raise file_error(file, f"has {len(faces)} faces", "save the one to machine by itself")
         surface = from_bspline(faces[0])
-    elif ending in (*POINTS, *MESHES):
+    elif ending in (*POINTS, *MESHES) or reader_of(file) is not None:
         try:
             if ending in POINTS:
                 surface = read_rows(file).scaled(mm_of(units)).skin(tolerance)
@@ -114,7 +110,7 @@ def machined_surface(source: str | Path | MeshLike, units: str, tolerance: float
         except (ValueError, SurfaceError) as error:
             raise SurfaceError(f"{file}: {error}", file=str(file)) from error
     else:
-        endings = ", ".join(KINDS)
+        endings = ", ".join((*POINTS, TSPLINE, *reader_endings(), *STEP, *IGES, *MESHES))
         remedy = f"give a surface that passes can follow ({endings})"
         raise file_error(file, f"has the ending {ending!r}", remedy)
     if surface.elements().period[1]:
@@ -137,7 +133,7 @@ def read_part(source: str | Path | MeshLike, job: Job, progress: Progress = sile
     MeshError where repairs take more off the part than the job's largest deviation."""
     if not isinstance(source, str | Path) or not holds_surface(source):
         part = repaired_part(
-            source, job.mesh, progress=progress, also=ENDINGS, surface=job.surface, scripted=scripted_mesh
+            source, job.mesh, progress=progress, also=(TSPLINE,), surface=job.surface, scripted=scripted_mesh
         )
         return part.require_kept(job.surface.largest_deviation), None
     # The part whose surface is given by rows of points or a saved T-spline, upright, and that surface
@@ -168,8 +164,8 @@ def refuse_changes(job: MeshJob, name: str) -> None:
 
 
 def holds_surface(path: str | Path) -> bool:
-    """Whether a file gives the surface itself: .tspline, .tsm, or two or more rows of points."""
-    return Path(path).suffix.lower() in ENDINGS or holds_rows(path)
+    """Whether a file gives the surface itself: a T-spline, or two or more rows of points."""
+    return holds_tspline(path) or holds_rows(path)
 
 
 def read_surface(path: str | Path, scale: float, tolerance: float, max_control_points: int) -> Fit:
@@ -179,7 +175,7 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     The deviation is that of the given points. Raises FileError, or SurfaceError where the surface does not
     enclose a part.
     """
-    if Path(path).suffix.lower() in ENDINGS:
+    if holds_tspline(path):
         surface, points = _saved(path, scale, max_control_points)
     else:
         surface, points = _skinned(path, scale, tolerance, max_control_points)
@@ -202,7 +198,7 @@ def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSp
         raise UnitsError(
             f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
         )
-    surface = read_tsm(path, to_mm=True)
+    surface = load_surface(path)
     count = surface.tmesh.size
     if count > max_control_points:
         what = f"has {count} control points, {max_control_points} are allowed"

@@ -1,154 +1,119 @@
-"""T-splines as text files. One reader and one writer, `read_tsm` and `write_tsm`, for two forms, told apart
-by the first line:
-
-- `#TS0200`: half edges and control points, as Rhino's T-Splines and Fusion write them: general T-meshes
-  (surface.tsm);
-- `#bonecam-tspline 1`: row-structured T-splines, which half edges cannot hold (surface.rows_file).
-
-Both come back bit for bit. Any other first line is a FileError.
-
-One surface into a file of any kind: the ending decides.
+"""T-splines in files: one reader and one writer of files of any kind, whose ending decides.
 
 | ending | what is written |
 |---|---|
-| .tspline | bonecam's own text form of row-structured T-splines, bit for bit (`surface.rows_file`) |
-| .tsm | general T-meshes as Rhino writes them (`surface.files.tsm.write`) |
-| .iga | the Bezier elements of any T-spline, bit for bit (`surface.iga`) |
-| .step, .stp, .iges, .igs | one exact B-spline face, or Bezier faces (`surface.cad`; extra `cad`) |
+| .tspline | bonecam's own text form of closed rows, bit for bit |
+| .step, .stp, .iges, .igs | one exact B-spline face, or Bezier faces (`surface.files.cad`; extra `cad`) |
+| others | what plugins write (`bonecam.plugins.Reader`) |
+
+The text form has one record a line, numbers in the shortest decimal that reads back as the same double:
+
+    #bonecam-tspline 1
+    degree 3
+    units mm
+    t-knots 0.0 0.0 0.0 0.0 0.25 ... 1.0        one clamped vector for all rows: number of rows + 4
+    row 0 1                                     row number, number of control points; 1: a pole
+    0.0 x y z w                                 knot in [0, 1), control point (not homogeneous), weight
+    row 1 9                                     periodic cubic in s; the knots of this row only
+    ...
+    end
+
+S(s, t) = sum_ji w_ji N_j(t) B_ji(s) P_ji / sum_ji w_ji N_j(t) B_ji(s); N_j is the cubic B-spline on t-knots[j
+: j + 5], B_ji the periodic cubic B-spline whose middle knot is knot i of row j, 1 for a pole. Lines that
+start with # and empty lines are comments.
 """
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
-from bonecam.errors import FileError, SurfaceError, file_error
+from bonecam.errors import FileError
 from bonecam.files import write_whole
 from bonecam.mesh.files.cad import IGES, STEP, occ
-from bonecam.mesh.files.mesh_files import bytes_of
-from bonecam.mesh.files.polygons import ContentError
-from bonecam.surface.files import rows_file
-from bonecam.surface.files.iga import write_iga
-from bonecam.surface.files.tsm import (
-    MIRRORED,
-    TSM_HEADER,
-    Records,
-    parse_tsm,
-    tmesh_of,
-    tsm_text,
-    with_mirrored_borders,
-)
-from bonecam.surface.tmesh import OpenRowTMesh, RowTMesh, TMesh
+from bonecam.mesh.files.mesh_files import bytes_of, made_by, reader_of
+from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
+from bonecam.plugins import Reader, reader_endings, run_added
+from bonecam.surface.tmesh import RowTMesh
 from bonecam.surface.tspline import TSpline
+from bonecam.text.numbers import number_words
 
-ENDINGS = (".tspline", ".tsm")
-"""Endings of the files that `read_tsm` reads."""
-MILLIMETRES = {"millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0, "inches": 25.4, "feet": 304.8}
+TSPLINE = ".tspline"
+"""The ending of files in bonecam's own form."""
+HEADER = "#bonecam-tspline 1"
 
 
-def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline:
-    """The T-spline of a file of either form.
+def rows_text(surface: TSpline) -> str:
+    """The surface in the text form above."""
+    mesh = surface.tmesh
+    starts = mesh.row_starts
+    lines = [HEADER, "degree 3", "units mm", "t-knots " + number_words(mesh.t_knots)]
+    for j, knots in enumerate(mesh.s_knots):
+        lines.append(f"row {j} {len(knots)}")
+        here = slice(starts[j], starts[j + 1])
+        records = np.column_stack([knots, surface.control_points[here], surface.weights[here]])
+        lines += [number_words(record) for record in records]
+    return "\n".join([*lines, "end", ""])
 
-    A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are
-    taken as they stand, S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight
-    first. `to_mm` converts them from the file's `units` (only the unit's name counts; the number before it is
-    a tolerance). An open border without clamped control points needs `end-conditions SUBD_CREASES`
-    (surface.files.tsm.borders). Raises FileError naming line and record.
-    """
+
+def parse_rows(data: bytes) -> TSpline:
+    """The surface in bytes of the text form above. ContentError with the line where they depart from it."""
+    lines = numbered_words(data)
+    end = (data.count(b"\n"), [""])
+    for words in (["degree", "3"], ["units", "mm"]):
+        line, given = next(lines, end)
+        if given != words:
+            raise ContentError(f"expected {' '.join(words)!r}", line=line)
+    line, (word, *knots) = next(lines, end)
+    if word != "t-knots":
+        raise ContentError("expected 't-knots'", line=line)
+    t_knots = finite_numbers(knots, line)
+    rows: list[np.ndarray] = []
+    line, words = next(lines, end)
+    while words != ["end"]:
+        count = max(whole_numbers(words[2:], line), default=0)
+        if len(words) != 3 or words[:2] != ["row", str(len(rows))] or count < 1:
+            raise ContentError(f"expected 'row {len(rows)} COUNT' or 'end'", line=line)
+        rows.append(np.array([finite_numbers(row, n, 5) for n, row in islice(lines, count)]))
+        line, words = next(lines, end)
+    after = next(lines, None)
+    if after:
+        raise ContentError("goes on after 'end'", CUT_SHORT, after[0])
+    try:
+        mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
+        points = np.vstack(rows)
+        return TSpline(mesh, points[:, 1:4], points[:, 4])
+    except ValueError as error:
+        raise ContentError(str(error), line=line) from error
+
+
+def _reader_of(path: str | Path) -> Reader | None:
+    """What users or packages read a file with that is not in bonecam's own form."""
+    return None if Path(path).suffix.lower() == TSPLINE else reader_of(path)
+
+
+def holds_tspline(path: str | Path) -> bool:
+    """Whether a file gives a T-spline, by its ending."""
+    reader = _reader_of(path)
+    return reader.holds == "surface" if reader else Path(path).suffix.lower() == TSPLINE
+
+
+def load_surface(path: str | Path) -> TSpline:
+    """The T-spline of a file, mm: in bonecam's own form, whatever its ending, or with one that a plugin reads surfaces
+    from. FileError names the line where it is damaged."""
     path = Path(path)
     data = bytes_of(path)
-    text = data.decode("utf-8", errors="replace")
-    first = text.split("\n", 1)[0].strip()
+    reader = _reader_of(path)
+    if reader is not None and not data.startswith(HEADER.encode()):
+        return made_by(reader, path, TSpline)
+    first = data.split(b"\n", 1)[0].strip().decode(errors="replace")
+    if first != HEADER:
+        what = f"the first line must be '{HEADER}', not '{first[:40]}'"
+        raise FileError(f"{path}: {what}", file=str(path), line=1)
     try:
-        if first == rows_file.HEADER:
-            return rows_file.parse_rows(data)
+        return parse_rows(data)
     except ContentError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
-    if first.split()[:1] != [TSM_HEADER]:
-        raise FileError(
-            f"{path}: the first line must be '{TSM_HEADER}' or '{rows_file.HEADER}', not '{first[:40]}'",
-            file=str(path),
-            line=1,
-        )
-    return _read_half_edges(parse_tsm(text, path), path, homogeneous, to_mm)
-
-
-def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: bool) -> TSpline[TMesh]:
-    try:
-        tmesh, numbers = tmesh_of(records)
-        values = _control_points(records, numbers)
-        weights = values[:, 3:]
-        points = values[:, :3] / weights if homogeneous else values[:, :3]
-        points = points * (_scale(records.header, path) if to_mm else 1.0)
-        stated = records.header.get("end-conditions") == [MIRRORED]
-        if stated and not records.owners and not all(tmesh.period):
-            tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
-            added = control_points[len(points) :]
-            points = np.vstack([points, added[:, :3] / added[:, 3:]])
-            weights = control_points[:, 3:]
-        assert len(tmesh.elements.boxes)
-        return TSpline(tmesh, points, weights[:, 0])
-    except (SurfaceError, ValueError) as error:
-        raise FileError(f"{path}: {error}", file=str(path), **getattr(error, "evidence", {})) from error
-
-
-def _control_points(records: Records, numbers: list[int]) -> Float[ndarray, "n 4"]:
-    """x, y, z and weight of the control points with these numbers in the file."""
-    points = []
-    for k in numbers:
-        point = records.grips[k]
-        if point is None:
-            raise records.error("0g", k, "a control point in use is deleted")
-        if not point[3] > 0:
-            raise records.error("0g", k, f"weight {point[3]} is not positive")
-        points.append(point)
-    return np.array(points)
-
-
-def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
-    """Write the surface, row-structured ones as `#bonecam-tspline 1`, others as `#TS0200`; `read_tsm` gives
-    every number back bit for bit.
-
-    `homogeneous` as in `read_tsm`. Raises SurfaceError for a T-mesh that half edges cannot hold: some that
-    were refined beside a corner of the domain that turns inwards. `write_iga` holds every surface.
-    """
-    if isinstance(surface.tmesh, OpenRowTMesh):
-        raise SurfaceError("rows that are open have no text form: write_tsm takes closed rows and general T-meshes")
-    if isinstance(surface.tmesh, RowTMesh):
-        if homogeneous:
-            raise ValueError("row-structured files hold points that are not homogeneous")
-        write_whole(path, rows_file.rows_text(surface))
-    else:
-        text = tsm_text(surface, homogeneous)
-        _prove(text, surface, Path(path))
-        write_whole(path, text)
-
-
-def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
-    """Read the text back: every vertex must see what it saw, else the file would hold another surface."""
-    try:
-        tmesh, numbers = tmesh_of(parse_tsm(text, path))
-        same = numbers == list(range(surface.tmesh.size)) and all(
-            np.array_equal(a, b) for a, b in zip(tmesh.local_knots, surface.tmesh.local_knots)
-        )
-    except (FileError, SurfaceError):
-        same = False
-    if not same:
-        raise SurfaceError(
-            "half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can",
-            file=str(path),
-        )
-
-
-def _scale(header: dict[str, list[str]], path: Path) -> float:
-    unit = header.get("units", ["", "?"])[-1]
-    if unit not in MILLIMETRES:
-        raise file_error(path, f"its unit {unit!r} is not known", f"state one of {', '.join(MILLIMETRES)} (units)")
-    return MILLIMETRES[unit]
-
-
-TEXTS = (*ENDINGS, ".iga")
 
 
 def check_target(path: str | Path) -> None:
@@ -156,9 +121,12 @@ def check_target(path: str | Path) -> None:
     ending = Path(path).suffix.lower()
     if ending in (*STEP, *IGES):
         occ(f"{path}: writing {'STEP' if ending in STEP else 'IGES'}")
-    elif ending not in TEXTS:
-        endings = ", ".join((*TEXTS, *STEP, *IGES))
-        raise FileError(f"{path}: has the unknown ending {ending!r}: end the name in one of {endings}", file=str(path))
+    elif ending != TSPLINE:
+        reader = reader_of(path)
+        if reader is None or reader.write is None:
+            endings = ", ".join((TSPLINE, *reader_endings(), *STEP, *IGES))
+            what = f"has the unknown ending {ending!r}" if reader is None else f"is no file to write: {ending} is read"
+            raise FileError(f"{path}: {what}: end the name in one of {endings}", file=str(path))
 
 
 def save_surface(surface: TSpline, path: str | Path) -> None:
@@ -166,14 +134,15 @@ def save_surface(surface: TSpline, path: str | Path) -> None:
     its writer is missing."""
     check_target(path)
     ending = Path(path).suffix.lower()
-    if ending == ".iga":
-        write_iga(surface, path)
-    elif ending in TEXTS:
-        rows = isinstance(surface.tmesh, RowTMesh)
-        if rows != (ending == ".tspline"):
-            what = "rows of control points have no .tsm form" if rows else "a general T-mesh has no .tspline form"
-            raise FileError(f"{path}: {what}: end the name in {'.tspline' if rows else '.tsm'}", file=str(path))
-        write_tsm(surface, path)
+    reader = _reader_of(path)
+    if reader is not None and reader.write is not None:
+        with run_added("readers", ending.removeprefix(".")):
+            reader.write(surface, Path(path))
+    elif ending == TSPLINE:
+        if not isinstance(surface.tmesh, RowTMesh):
+            remedy = f"end the name in one of {', '.join((*reader_endings(), *STEP, *IGES))}"
+            raise FileError(f"{path}: only closed rows have a {TSPLINE} form: {remedy}", file=str(path))
+        write_whole(path, rows_text(surface))
     else:
         from bonecam.surface.files.cad import write_iges, write_step
 

@@ -32,7 +32,7 @@ def fit_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -
 
 def save_tspline(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filter `save_tspline_surface`: the kept T-spline as a file."""
-    from bonecam.surface.files.tspline_text import save_surface
+    from bonecam.surface import save_surface
 
     surface = layers.kept("surface", TSpline, "compute_tspline_surface")
     target = layers.target(values["file"])

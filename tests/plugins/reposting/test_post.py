@@ -16,7 +16,7 @@ from bonecam.machine import read_machine
 from bonecam.mesh import write_mesh
 from bonecam.nc import read_dialect, read_program
 from bonecam.setup import Capsule
-from bonecam.surface import write_tsm
+from bonecam.surface import save_surface
 from bonecam.tool import MoveKind
 
 AXIS = np.array([0.0, 0.5, 0.75**0.5])
@@ -124,7 +124,7 @@ def kept(tmp_path):
     folder = tmp_path / "kept"
     surface = revolved(lambda share, azimuth: 3.0 + 0 * azimuth, low=9.0, high=27.0)
     with whole_folder(folder, "never") as work:
-        write_tsm(surface, work / "surface.tspline")
+        save_surface(surface, work / "surface.tspline")
         write_mesh(Capsule(np.array([0.0, 0, 12]), np.array([0.0, 0, 24]), 8.0).mesh(0.05), work / "level_00.ply")
     return folder
 

@@ -12,7 +12,7 @@ import pytest
 from small_wheel import blade, job
 
 import bonecam
-from bonecam.surface import write_tsm
+from bonecam.surface import save_surface
 
 ROOT = Path(__file__).parents[3]
 OTHERS = [
@@ -84,11 +84,11 @@ def test_a_wheel_is_then_refused_in_one_line(core):
 
 @pytest.mark.whole
 def test_the_core_plans_without_it_what_it_plans_with_it(core, tmp_path):
-    write_tsm(blade(), core / "blade.tsm")
+    save_surface(blade(), core / "blade.tspline")
     (core / "job.toml").write_text(bonecam.write_job(job()), encoding="utf-8")
-    words = ["finish", "blade.tsm", "-o", "blade.h", "--job", "job.toml", "--no-simulation", "-q"]
+    words = ["finish", "blade.tspline", "-o", "blade.h", "--job", "job.toml", "--no-simulation", "-q"]
     done = run(core, "-m", "bonecam", *words)
     assert done.returncode == 0, done.stderr
-    made = bonecam.finish(core / "blade.tsm", job=job(), program=tmp_path / "blade.h", simulation=False)
+    made = bonecam.finish(core / "blade.tspline", job=job(), program=tmp_path / "blade.h", simulation=False)
     assert (core / "blade.h").read_text() == made.program.text
     assert np.isfinite(made.path.tips).all()

@@ -18,7 +18,7 @@ from bonecam.mesh.solids import cylinder
 from bonecam.nc import write_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.page.contents import unpack
-from bonecam.surface import skin, write_tsm
+from bonecam.surface import save_surface, skin
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import verify
 from bonecam.wheels.channels import require_room
@@ -38,11 +38,11 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(files):
-    write_tsm(blade(), files / "blade.tsm")
+    save_surface(blade(), files / "blade.tspline")
     write_mesh(hub(), files / "hub.ply")
     outputs = {name: files / f"wheel.{ending}" for name, ending in (("program", "h"), ("html", "html"))}
     return bonecam.blades(
-        files / "blade.tsm",
+        files / "blade.tspline",
         files / "hub.ply",
         COUNT,
         job=job(),
@@ -182,7 +182,7 @@ def test_sections_from_the_tip_are_refused():
 
 
 def test_the_command_tells_a_wrong_wheel_in_one_line(files, made, capsys):
-    given = ["blades", str(files / "blade.tsm"), "--hub", str(files / "hub.ply"), "--count", "40"]
+    given = ["blades", str(files / "blade.tspline"), "--hub", str(files / "hub.ply"), "--count", "40"]
     assert main([*given, "-o", str(files / "none.h"), "-q"]) == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1

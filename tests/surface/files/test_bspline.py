@@ -9,7 +9,7 @@ from scipy.interpolate import NdBSpline
 from tsplines import bone_like, samples
 
 from bonecam.errors import SurfaceError
-from bonecam.surface import OpenRowTMesh, RowTMesh, TSpline, read_tsm
+from bonecam.surface import OpenRowTMesh, RowTMesh, TSpline
 from bonecam.surface.files.bspline import BSplineSurface, Knots, bezier_grid, from_bspline, to_bspline
 from bonecam.surface.files.cad import bsplines_in, write_iges, write_step
 
@@ -91,22 +91,6 @@ def test_poles_that_do_not_fit_the_knots_are_refused():
     spline = to_bspline(bone_like(6, 5, 0))
     with pytest.raises(ValueError, match="the knots need"):
         BSplineSurface(spline.s_knots, spline.t_knots, spline.poles[1:], spline.weights[1:])
-
-
-@pytest.mark.parametrize("model", ["simple", "fan", "gearbox2-9"])
-def test_a_general_t_mesh_over_a_rectangle_is_one_b_spline_too(model, shared):
-    surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
-    spline = to_bspline(surface)
-    rng = np.random.default_rng(0)
-    low, high = surface.domain.T
-    s, t = low[:, None] + (high - low)[:, None] * rng.random((2, 10_000))
-    assert np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max() < 1e-14 * spline.size
-
-
-@pytest.mark.parametrize("model", ["Bike", "mouse", "face"])
-def test_a_t_mesh_with_missing_faces_has_no_such_form(model, shared):
-    with pytest.raises(SurfaceError, match="no rectangle"):
-        to_bspline(read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm"))
 
 
 CLAMPED = np.repeat([0.0, 1.0], 4)

@@ -14,11 +14,10 @@ from tsplines import SECTION_POLES, bone_like, samples, sections, write_rows
 from bonecam.errors import FileError, FilterError, JobError, SurfaceError, UnitsError
 from bonecam.job import Job
 from bonecam.mesh import TriangleMesh, write_mesh
-from bonecam.surface import Deviation, Fit, TSpline, read_tsm, save_surface, write_tsm
+from bonecam.surface import Deviation, Fit, TSpline, save_surface
 from bonecam.surface.files.surface_input import (
     closed_mesh,
     holds_surface,
-    machined_surface,
     move_with_part,
     read_part,
     read_surface,
@@ -92,10 +91,10 @@ def test_what_encloses_no_part_is_refused(tmp_path):
     surface = bone_like()
     write_rows(sections(), tmp_path / "open.csv")
     write_rows([SECTION_POLES[:1], *sections(4, 12), SECTION_POLES[1:]], tmp_path / "many.csv")
-    write_tsm(surface, tmp_path / "bone.tspline")
-    write_tsm(bone_like(poles=False), tmp_path / "tube.tspline")
-    write_tsm(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
-    write_tsm(surface.with_control_points(surface.control_points * [0, 0, 1]), tmp_path / "line.tspline")
+    save_surface(surface, tmp_path / "bone.tspline")
+    save_surface(bone_like(poles=False), tmp_path / "tube.tspline")
+    save_surface(surface.with_control_points(surface.control_points * [1, -1, 1]), tmp_path / "inward.tspline")
+    save_surface(surface.with_control_points(surface.control_points * [0, 0, 1]), tmp_path / "line.tspline")
     for name, allowed, reason in (
         ("line.tspline", 450, "encloses no volume: give rows that go round"),
         ("open.csv", 450, "encloses no part: give a pole .*`bonecam finish`"),
@@ -110,7 +109,7 @@ def test_what_encloses_no_part_is_refused(tmp_path):
         read_surface(tmp_path / "inward.tspline", 1000.0, 0.1, 450)
 
 
-def test_the_ending_decides_what_is_written(tmp_path, shared):
+def test_the_ending_decides_what_is_written(tmp_path):
     pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
     surface = bone_like(7, 5, 1)
     for name, head in (
@@ -122,29 +121,12 @@ def test_the_ending_decides_what_is_written(tmp_path, shared):
     ):
         save_surface(surface, tmp_path / name)
         assert (tmp_path / name).read_bytes().startswith(head)
-    general = read_tsm(shared / "tspline" / "tsm" / "simple.tsm")
-    save_surface(general, tmp_path / "b.tsm")
-    assert (tmp_path / "b.tsm").read_text().startswith("#TS0200")
 
 
 def test_a_name_that_fits_no_form_is_refused_before_the_work(tmp_path):
     with pytest.raises(FileError, match=r"unknown ending '\.prt'"):
         check_target(tmp_path / "a.prt")
-    with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):
-        save_surface(bone_like(), tmp_path / "a.tsm")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_tsm_is_machined_in_the_unit_that_it_states(shared, tmp_path):
-    text = (shared / "tspline" / "tsm" / "simple.tsm").read_text()
-    sizes = []
-    for unit in ("millimeters", "inches"):
-        (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", f"units 0.001 {unit}"))
-        sizes.append(np.ptp(machined_surface(tmp_path / "a.tsm", "stated", 0.1).control_points, axis=0))
-    np.testing.assert_allclose(sizes[1], 25.4 * sizes[0])
-    (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", ""))
-    with pytest.raises(FileError, match=r"a\.tsm: its unit '\?' is not known: state one of millimeters"):
-        machined_surface(tmp_path / "a.tsm", "stated", 0.1)
 
 
 SMOOTH = """<!DOCTYPE FilterScript>

@@ -1,6 +1,6 @@
 """General T-splines in .tsm files, as Rhino and Fusion write them.
 
-The records of a .tsm file (`#TS0200`), read and checked one by one.
+The text of a .tsm file (`#TS0200`) is records, read and checked one by one.
 
     f LINK FLAG                         a face and one of its links
     e LINK INTERVAL                     an edge and its knot interval
@@ -11,7 +11,7 @@ The records of a .tsm file (`#TS0200`), read and checked one by one.
     ec EDGE 0                           a border edge with a Bezier end condition
     0m gvp VERTEX                       the next control point is the vertex' own one
     0m gv VERTEX                        ... is another one of the vertex (-1: not in use)
-    0m cg VERTEX 4 D0 D1 D2 D3 GRIPS... the control points of a border vertex, see surface.files.tsm.layout
+    0m cg VERTEX 4 D0 D1 D2 D3 GRIPS... the control points of a border vertex, as told below
     0g X Y Z W                          a control point
 
 The n-th record of a kind has the number n - 1; a bare `f`, `e`, `v`, `l` or `0g` is a deleted one that keeps
@@ -44,38 +44,40 @@ north, corners between two such sides included (-1: not there). In index space e
 own with the same knot: the clamped border. A corner of the domain that turns inwards has them on all four
 sides.
 
-The text of a .tsm file (`#TS0200`) for a general T-spline; `surface.files.tsm.records` has the forms of
-the records.
-
-Control points with the same knots that touch are one vertex; the outermost is its own, the others become its
-`cg` record. Walking the edges, always turning left, gives the loops: faces, and the outside. Comments keep
-what half edges lose: all digits of the knots.
+In a file that is written control points with the same knots that touch are one vertex; the outermost is its own, the
+others become its `cg` record. Walking the edges, always turning left, gives the loops: faces, and the outside. Comments
+keep what half edges lose: all digits of the knots.
 """
 
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bonecam_plugins.tsplines.tmesh import TMesh
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.errors import FileError, SurfaceError
-from bonecam.surface.files.rows_file import number_words
-from bonecam.surface.tmesh import TMesh
-from bonecam.surface.tspline import TSpline
-from bonecam.text.numbers import number, whole_number
+from bonecam.errors import FileError, SurfaceError, file_error
+from bonecam.files import write_whole
+from bonecam.mesh import bytes_of
+from bonecam.plugins import Reader
+from bonecam.surface import RowTMesh, TSpline
+from bonecam.text.numbers import number, number_words, whole_number
 
 DIRECTIONS = ("EAST", "NORTH", "WEST", "SOUTH")
 TSM_HEADER = "#TS0200"
 COMMENTS = ("#s-knots ", "#t-knots ", "#s-period ", "#t-period ")
-"""Comments that `surface.files.tsm.write` adds: knots and periods with all digits, which sums of intervals
+"""Comments that `write_tsm` adds: knots and periods with all digits, which sums of intervals
 lose."""
 
 LARGEST = 1e18
 """No number is as large: record numbers fit 64 bits, and nothing overflows."""
+
+MILLIMETRES = {"millimeters": 1.0, "centimeters": 10.0, "meters": 1000.0, "inches": 25.4, "feet": 304.8}
 
 HEADER_WORDS = ("degree", "units", "end-conditions")
 
@@ -800,3 +802,94 @@ def _topology(mesh: TMesh, own: list[int], neighbours: Int64[ndarray, "v 4"]) ->
     for n, (v, _) in enumerate(links):
         records.append(f"l {previous[n]} {following[n]} {n ^ 1} {v} {face[n]} {n // 2} {flags[n]}")
     return records + [f"ec {n // 2} 0" for n in range(0, len(links), 2) if -1 in (face[n], face[n + 1])]
+
+
+def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False) -> TSpline[TMesh]:
+    """The T-spline of a .tsm file.
+
+    A .tsm file does not say whether its control points are (x, y, z) or homogeneous (w x, w y, w z): they are
+    taken as they stand, S = sum w P B / sum w B, unless `homogeneous`, which divides them by their weight
+    first. `to_mm` converts them from the file's `units` (only the unit's name counts; the number before it is
+    a tolerance). An open border without clamped control points needs `end-conditions SUBD_CREASES`.
+    Raises FileError naming line and record.
+    """
+    path = Path(path)
+    text = bytes_of(path).decode("utf-8", errors="replace")
+    first = text.split("\n", 1)[0].strip()
+    if first.split()[:1] != [TSM_HEADER]:
+        raise FileError(f"{path}: the first line must be '{TSM_HEADER}', not '{first[:40]}'", file=str(path), line=1)
+    return _read_half_edges(parse_tsm(text, path), path, homogeneous, to_mm)
+
+
+def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: bool) -> TSpline[TMesh]:
+    try:
+        tmesh, numbers = tmesh_of(records)
+        values = _control_points(records, numbers)
+        weights = values[:, 3:]
+        points = values[:, :3] / weights if homogeneous else values[:, :3]
+        points = points * (_scale(records.header, path) if to_mm else 1.0)
+        stated = records.header.get("end-conditions") == [MIRRORED]
+        if stated and not records.owners and not all(tmesh.period):
+            tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
+            added = control_points[len(points) :]
+            points = np.vstack([points, added[:, :3] / added[:, 3:]])
+            weights = control_points[:, 3:]
+        assert len(tmesh.elements.boxes)
+        return TSpline(tmesh, points, weights[:, 0])
+    except (SurfaceError, ValueError) as error:
+        raise FileError(f"{path}: {error}", file=str(path), **getattr(error, "evidence", {})) from error
+
+
+def _control_points(records: Records, numbers: list[int]) -> Float[ndarray, "n 4"]:
+    """x, y, z and weight of the control points with these numbers in the file."""
+    points = []
+    for k in numbers:
+        point = records.grips[k]
+        if point is None:
+            raise records.error("0g", k, "a control point in use is deleted")
+        if not point[3] > 0:
+            raise records.error("0g", k, f"weight {point[3]} is not positive")
+        points.append(point)
+    return np.array(points)
+
+
+def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
+    """Write the surface over a general T-mesh; `read_tsm` gives every number back bit for bit.
+
+    `homogeneous` as in `read_tsm`. FileError where the T-mesh is of another kind, SurfaceError where half edges cannot
+    hold it: some that were refined beside a corner of the domain that turns inwards. `write_iga` holds every surface.
+    """
+    if not isinstance(surface.tmesh, TMesh):
+        rows = isinstance(surface.tmesh, RowTMesh)
+        what = f"{'rows of control points' if rows else 'Bezier elements or open rows'} have no .tsm form"
+        raise FileError(f"{path}: {what}: end the name in {'.tspline' if rows else '.iga'}", file=str(path))
+    text = tsm_text(surface, homogeneous)
+    _prove(text, surface, Path(path))
+    write_whole(path, text)
+
+
+def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
+    """Read the text back: every vertex must see what it saw, else the file would hold another surface."""
+    try:
+        tmesh, numbers = tmesh_of(parse_tsm(text, path))
+        same = numbers == list(range(surface.tmesh.size)) and all(
+            np.array_equal(a, b) for a, b in zip(tmesh.local_knots, surface.tmesh.local_knots)
+        )
+    except (FileError, SurfaceError):
+        same = False
+    if not same:
+        raise SurfaceError(
+            "half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can",
+            file=str(path),
+        )
+
+
+def _scale(header: dict[str, list[str]], path: Path) -> float:
+    unit = header.get("units", ["", "?"])[-1]
+    if unit not in MILLIMETRES:
+        raise file_error(path, f"its unit {unit!r} is not known", f"state one of {', '.join(MILLIMETRES)} (units)")
+    return MILLIMETRES[unit]
+
+
+READER = Reader("surface", partial(read_tsm, to_mm=True), write_tsm)
+"""What bonecam reads and writes .tsm files with."""

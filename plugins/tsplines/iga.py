@@ -18,17 +18,16 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from bonecam_plugins.tsplines.extracted import ExtractedTMesh
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.errors import FileError
+from bonecam.errors import FileError, SurfaceError
 from bonecam.files import write_whole
-from bonecam.mesh.files.mesh_files import bytes_of
-from bonecam.mesh.files.polygons import CUT_SHORT, ContentError, finite_numbers, numbered_words, whole_numbers
-from bonecam.surface.files.rows_file import number_words
-from bonecam.surface.tmesh import ExtractedTMesh
-from bonecam.surface.tspline import TSpline
-from bonecam.text.numbers import shown
+from bonecam.mesh import CUT_SHORT, ContentError, TriangleMesh, bytes_of, finite_numbers, numbered_words, whole_numbers
+from bonecam.plugins import Reader
+from bonecam.surface import TSpline, tessellate
+from bonecam.text.numbers import number_words, shown
 
 LARGEST_DEGREE = 9
 LARGEST_COEFFICIENT = 100.0
@@ -134,3 +133,24 @@ def _assembled(nodes: ndarray, elements: list[tuple[ndarray, ndarray]]) -> TSpli
         return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])
     except ValueError as error:
         raise ContentError(str(error)) from error
+
+
+CHORD = 5e-4
+"""Chord tolerance of the mesh that stands for a part's surface, share of its size: that of CAD files."""
+MOST_VERTICES = 3000
+"""So many vertices a control point may that mesh have: 800 are enough for pebbles, damaged files took minutes."""
+
+
+def _mesh_of(path: Path) -> TriangleMesh:
+    """The triangles of an .iga file: its elements share no parameters that passes could follow."""
+    surface = read_iga(path)
+    chord = CHORD * float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
+    try:
+        return tessellate(surface, chord, most_vertices=MOST_VERTICES * surface.tmesh.size).mesh
+    except (SurfaceError, ValueError) as error:
+        evidence = getattr(error, "evidence", {})
+        raise SurfaceError(f"{path}: {error}", **{**evidence, "file": str(path)}) from error
+
+
+READER = Reader("mesh", _mesh_of, write_iga)
+"""What bonecam reads and writes .iga files with."""

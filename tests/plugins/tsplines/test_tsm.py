@@ -1,8 +1,6 @@
-"""General T-meshes in .tsm files: round trips, files of Fusion, and broken ones.
+"""General T-meshes in .tsm files: round trips, files of Fusion, and broken ones; in STEP files and as B-splines.
 
 Bezier extraction files: partition of unity, round trips, broken files.
-
-The text form of a row-structured T-spline.
 
 Damaged surface files: whatever bytes change, the reader raises a typed error or gives a surface that can
 be evaluated.
@@ -14,15 +12,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tsplines import bone_like, grid, inner_samples, random_tspline, torus_text, with_damage
+from bonecam_plugins.tsplines import TMesh, diagnose, read_iga, read_tsm, write_iga, write_tsm
+from bonecam_plugins.tsplines.any_degree import ElementsOfDegree
+from bonecam_plugins.tsplines.iga import raise_degree
+from bonecam_plugins.tsplines.tsm import tsm_text, with_mirrored_borders
+from general_tsplines import grid, inner_samples, random_tspline, torus_text, with_damage
+from tsplines import bone_like
 
-from bonecam.errors import FileError, SurfaceError
-from bonecam.surface import TMesh, TSpline, read_iga, read_tsm, write_iga, write_tsm
-from bonecam.surface.files.iga import raise_degree
-from bonecam.surface.files.rows_file import rows_text
-from bonecam.surface.files.tsm import tsm_text, with_mirrored_borders
+from bonecam.errors import FileError, SurfaceError, UnitsError
+from bonecam.mesh import read_in_mm, read_mesh
+from bonecam.mesh.files.cad import occ, read_shape, tessellate_shape
+from bonecam.surface import TSpline, load_surface, save_surface
+from bonecam.surface.files.bspline import to_bspline
+from bonecam.surface.files.cad import write_step
+from bonecam.surface.files.surface_input import machined_surface
+from bonecam.surface.files.tspline_text import rows_text
 
 MODELS = ("simple", "fan", "Bike", "mouse", "face", "gearbox2-9")
+
+
 ARRAYS = ("s_lines", "t_lines", "vertices", "along_s", "along_t", "inside")
 
 
@@ -150,7 +158,7 @@ def test_an_open_fusion_border_is_that_of_the_subdivision_surface(tmp_path, shap
     s, t = np.meshgrid(np.arange(2 * shape[0] - 1) / 2, np.arange(2 * shape[1] - 1) / 2, indexing="ij")
     np.testing.assert_allclose(surface.evaluate(s.ravel(), t.ravel()), expected.reshape(-1, 3), atol=1e-13)
     assert np.array_equal(surface.domain, [[0, shape[0] - 1], [0, shape[1] - 1]])
-    assert surface.diagnose().standard
+    assert diagnose(surface).standard
     assert len(surface.tessellate(0.05).faces)
 
 
@@ -235,7 +243,7 @@ def test_raising_the_degree_changes_nothing():
     surface = random_tspline(3)
     elements = surface.elements()
     high = raise_degree(elements.coefficients.reshape(-1, 4, 4), 5).reshape(-1, 36)
-    finer = type(elements)(elements.boxes, elements.starts, elements.functions, high)
+    finer = ElementsOfDegree(elements.boxes, elements.starts, elements.functions, high)
     s, t = inner_samples(surface, 2, 200)
     patches = finer.patches(surface.control_points, surface.weights)
     for a, b in zip(surface.evaluate(s, t, 2), finer.derivatives(patches, *finer.place(s, t), 2)):
@@ -257,56 +265,7 @@ def test_what_needs_a_chart_or_cubics_says_so(shared):
     surface = read_iga(shared / "tspline" / "iga" / "square_unstructured.iga")
     with pytest.raises(SurfaceError, match="degree 4"):
         surface.project(np.zeros((1, 3)))
-    assert surface.diagnose().kind == "non-standard"
-
-
-def test_a_round_trip_of_rows_is_bit_equal(tmp_path):
-    surface = bone_like(9, 7, 5)
-    write_tsm(surface, tmp_path / "a.tsr")
-    again = read_tsm(tmp_path / "a.tsr")
-    assert again.control_points.tobytes() == surface.control_points.tobytes()
-    assert again.weights.tobytes() == surface.weights.tobytes()
-    assert again.tmesh.t_knots.tobytes() == surface.tmesh.t_knots.tobytes()
-    assert [row.tobytes() for row in again.tmesh.s_knots] == [row.tobytes() for row in surface.tmesh.s_knots]
-    assert rows_text(again) == rows_text(surface)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line"),
-    [
-        ("#bonecam-tspline 1", "solid bone", 1),
-        ("degree 3", "degree 2", 2),
-        ("row 1 6", "row 2 6", 7),
-        ("row 1 6", "row 1 x", 7),
-        ("row 0 1\n0.0 ", "row 0 1\nnan ", 6),
-        ("row 0 1\n0.0 ", "row 0 1\n0_0 ", 6),
-        ("row 0 1\n0.0 ", "row 0 1\n0.0 1.0 ", 6),
-        ("\nend\n", "\n", 43),
-        ("\nend\n", "\nend\nrow 7 1\n", 45),
-    ],
-)
-def test_a_broken_file_is_refused_with_its_line(tmp_path, old, new, line):
-    text = rows_text(bone_like(7, 6, spread=0.0))
-    assert old in text
-    (tmp_path / "bad.tsr").write_text(text.replace(old, new))
-    with pytest.raises(FileError) as caught:
-        read_tsm(tmp_path / "bad.tsr")
-    assert caught.value.evidence["line"] == line
-
-
-def test_decreasing_knots_and_bad_weights_are_refused(tmp_path):
-    surface = bone_like(7, 6, spread=0.0)
-    text = rows_text(surface)
-    (tmp_path / "bad.tsr").write_text(text.replace(" 1.0\nrow 2", " -1.0\nrow 2"))
-    with pytest.raises(FileError, match="weight"):
-        read_tsm(tmp_path / "bad.tsr")
-    first, second = (repr(float(k)) for k in surface.tmesh.s_knots[1][:2])
-    (tmp_path / "bad.tsr").write_text(text.replace(f"\n{second} ", f"\n{first} ", 1))
-    with pytest.raises(FileError, match="row 1"):
-        read_tsm(tmp_path / "bad.tsr")
-    with pytest.raises(FileError, match="cannot be read"):
-        read_tsm(tmp_path / "absent.tsr")
-    assert np.isfinite(surface.control_points).all()
+    assert diagnose(surface).kind == "non-standard"
 
 
 WORDS = (
@@ -324,6 +283,8 @@ WORDS = (
     b"0x10",
     b"\xff",
 )
+
+
 SIGNS = b"0123456789-. e\n"
 
 
@@ -372,7 +333,7 @@ def survive(originals: list[Path], folder: Path, seeds: range) -> float:
 def test_of_a_thousand_damaged_files_none_gives_more_than_an_error_or_a_surface(tmp_path):
     write_tsm(random_tspline(1), tmp_path / "a.tsm")
     write_tsm(random_tspline(2, closed=True), tmp_path / "b.tsm")
-    write_tsm(bone_like(6, 5, 1), tmp_path / "c.tspline")
+    save_surface(bone_like(6, 5, 1), tmp_path / "c.tspline")
     write_iga(bone_like(4, 4, 1), tmp_path / "d.iga")
     originals = sorted(tmp_path.iterdir())
     assert 0.05 < survive(originals, tmp_path, range(1000)) < 0.6
@@ -402,3 +363,101 @@ def test_numbers_that_would_overflow_are_refused(tmp_path, record, match):
     (tmp_path / "a.tsm").write_text("\n".join(lines))
     with pytest.raises(FileError, match=match):
         read_tsm(tmp_path / "a.tsm")
+
+
+def test_a_tsm_is_machined_in_the_unit_that_it_states(shared, tmp_path):
+    text = (shared / "tspline" / "tsm" / "simple.tsm").read_text()
+    sizes = []
+    for unit in ("millimeters", "inches"):
+        (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", f"units 0.001 {unit}"))
+        sizes.append(np.ptp(machined_surface(tmp_path / "a.tsm", "stated", 0.1).control_points, axis=0))
+    np.testing.assert_allclose(sizes[1], 25.4 * sizes[0])
+    (tmp_path / "a.tsm").write_text(text.replace("units 0.001 millimeters", ""))
+    with pytest.raises(FileError, match=r"a\.tsm: its unit '\?' is not known: state one of millimeters"):
+        machined_surface(tmp_path / "a.tsm", "stated", 0.1)
+
+
+@pytest.mark.parametrize("model", ["simple", "fan", "gearbox2-9"])
+def test_a_general_t_mesh_over_a_rectangle_is_one_b_spline_too(model, shared):
+    surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
+    spline = to_bspline(surface)
+    rng = np.random.default_rng(0)
+    low, high = surface.domain.T
+    s, t = low[:, None] + (high - low)[:, None] * rng.random((2, 10_000))
+    assert np.abs(spline.evaluate(s, t) - surface.evaluate(s, t)).max() < 1e-14 * spline.size
+
+
+@pytest.mark.parametrize("model", ["Bike", "mouse", "face"])
+def test_a_t_mesh_with_missing_faces_has_no_such_form(model, shared):
+    with pytest.raises(SurfaceError, match="no rectangle"):
+        to_bspline(read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm"))
+
+
+@pytest.mark.parametrize(("model", "faces"), [("simple", 1), ("gearbox2-9", 1), ("mouse", 18), ("Bike", 85)])
+def test_general_t_meshes_come_back_with_the_same_area(model, faces, shared, tmp_path):
+    pytest.importorskip("OCP", reason="OpenCASCADE's wheel is not installed: pip install 'bonecam[cad]'")
+    surface = read_tsm(shared / "tspline" / "tsm" / f"{model}.tsm")
+    assert write_step(surface, tmp_path / "a.step") == faces
+    shape = read_shape(tmp_path / "a.step")
+    found = occ().GProp.GProp_GProps()
+    occ().BRepGProp.BRepGProp.SurfaceProperties_s(shape, found, 1e-6)
+    assert found.Mass() == pytest.approx(
+        surface.area, rel=2e-5
+    )  # folded models: both integrate |S_s x S_t| near its zeros
+    assert occ().BRepCheck.BRepCheck_Analyzer(shape).IsValid()
+    assert tessellate_shape(shape).area == pytest.approx(surface.area, rel=2e-3)
+
+
+def test_the_ending_decides_how_a_surface_is_saved_and_loaded(tmp_path):
+    general = random_tspline(1)
+    save_surface(general, tmp_path / "a.tsm")
+    assert (tmp_path / "a.tsm").read_text().startswith("#TS0200")
+    assert load_surface(tmp_path / "a.tsm").control_points.tobytes() == general.control_points.tobytes()
+    save_surface(bone_like(), tmp_path / "a.iga")
+    assert read_iga(tmp_path / "a.iga").control_points.tobytes() == bone_like().control_points.tobytes()
+    with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.tspline"):
+        save_surface(bone_like(), tmp_path / "b.tsm")
+    with pytest.raises(FileError, match=r"have no \.tsm form: end the name in \.iga"):
+        save_surface(read_iga(tmp_path / "a.iga"), tmp_path / "b.tsm")
+    with pytest.raises(FileError, match=r"only closed rows have a \.tspline form: end the name in one of \.iga, \.tsm"):
+        save_surface(general, tmp_path / "b.tspline")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.iga", "a.tsm"]
+
+
+def test_rows_under_the_name_of_a_general_surface_are_read(tmp_path):
+    (tmp_path / "rows.tsm").write_text(rows_text(bone_like(7, 6)))
+    assert rows_text(load_surface(tmp_path / "rows.tsm")) == rows_text(bone_like(7, 6))
+
+
+def test_bezier_elements_are_read_as_a_mesh(tmp_path):
+    bone = bone_like(8, 6, 2)
+    save_surface(bone, tmp_path / "bone.iga")
+    mesh = read_mesh(tmp_path / "bone.iga")
+    assert mesh.volume == pytest.approx(bone.volume, rel=2e-3)
+    with pytest.raises(FileError, match=r"bone\.iga: is read as a mesh: give a surface"):
+        load_surface(tmp_path / "bone.iga")
+    save_surface(random_tspline(1), tmp_path / "a.tsm")
+    with pytest.raises(FileError, match=r"a\.tsm: is read as a surface: give a mesh"):
+        read_mesh(tmp_path / "a.tsm")
+    huge = bone.with_control_points(1e6 * bone.control_points)
+    save_surface(huge, tmp_path / "huge.iga")
+    with pytest.raises(UnitsError, match=r"huge\.iga: .* mm from corner to corner if its unit is mm"):
+        read_in_mm(tmp_path / "huge.iga")
+
+
+def bump() -> TSpline[TMesh]:
+    """A smooth open patch, mm."""
+    mesh = grid(*(np.r_[0.0, 0.0, np.arange(1, n + 1) / (n + 1), 1.0, 1.0] for n in (5, 4)))
+    x, y = mesh.vertices.T
+    return TSpline(mesh, np.column_stack([4.0 * x, 4.0 * y, np.sin(x / 3)]), np.ones(mesh.size))
+
+
+def test_what_can_be_machined_alone_is_an_open_patch_of_either_kind(tmp_path):
+    areas = []
+    for name in ("a.tsm", "a.iga"):
+        save_surface(bump(), tmp_path / name)
+        areas.append(machined_surface(tmp_path / name, "stated", 0.02).area)
+    assert areas == pytest.approx([bump().area] * 2, rel=1e-3)
+    (tmp_path / "torus.tsm").write_text(torus_text())
+    with pytest.raises(SurfaceError, match=r"torus\.tsm: closes on itself in t: cut it open there"):
+        machined_surface(tmp_path / "torus.tsm", "stated", 0.02)

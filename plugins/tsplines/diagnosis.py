@@ -17,10 +17,11 @@ from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
+from bonecam_plugins.tsplines.tmesh import TMesh, beside
 from jaxtyping import Float, Int64
 from numpy import ndarray
 
-from bonecam.surface.tmesh import Surface, TMesh, beside
+from bonecam.surface import TSpline
 
 ONE = 1e-10
 """How near a sum must come to one."""
@@ -80,7 +81,7 @@ class Diagnosis:
         return self.nullity == 0
 
 
-def diagnose(surface: Surface) -> Diagnosis:
+def diagnose(surface: TSpline) -> Diagnosis:
     """Measure what kind of T-spline the surface is; weights and control points play no part."""
     elements = surface.elements()
     tmesh = surface.tmesh
