@@ -19,10 +19,16 @@ from .finishing import finish as finish
 from .job import Job as Job
 from .job import read_job as read_job
 from .job import write_job as write_job
+from .machining import Posting as Posting
 from .machining import ProvedProgram as ProvedProgram
+from .machining import check_one_feed as check_one_feed
+from .machining import machine_levels as machine_levels
+from .machining import morph_standing as morph_standing
 from .machining import post_and_prove as post_and_prove
+from .machining import stand_part as stand_part
 from .mesh.part import Part as Part
 from .mesh.triangle_mesh import TriangleMesh as TriangleMesh
+from .pipeline import check_job as check_job
 from .pipeline import convert as convert
 from .pipeline import morph_levels as morph_levels
 from .report.kept import Morphed as Morphed

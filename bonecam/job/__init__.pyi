@@ -7,6 +7,7 @@ from .materials.preset import MechanicsJob as MechanicsJob
 from .mesh_section import MeshJob as MeshJob
 from .mesh_section import SurfaceJob as SurfaceJob
 from .nc_section import NcJob as NcJob
+from .path_section import OF_MORPH as OF_MORPH
 from .path_section import PathJob as PathJob
 from .sections import Job as Job
 from .sections import field_error as field_error

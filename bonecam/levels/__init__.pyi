@@ -12,6 +12,7 @@ from .measure import MorphLevel as MorphLevel
 from .measure import PartLevel as PartLevel
 from .measure import RoundedLevel as RoundedLevel
 from .measure import StockLevel as StockLevel
+from .measure import level_grid as level_grid
 from .measure import line_depths as line_depths
 from .measure import line_lengths as line_lengths
 from .measure import morph_surfaces as morph_surfaces
@@ -20,7 +21,16 @@ from .measure import step_depths as step_depths
 from .open_morph import morph_open as morph_open
 from .problem import DEPTH_TOLERANCE as DEPTH_TOLERANCE
 from .problem import NESTING_TOLERANCE as NESTING_TOLERANCE
+from .problem import creases as creases
+from .problem import integration_points as integration_points
+from .problem import join as join
+from .problem import ring_pattern as ring_pattern
+from .problem import samples_of as samples_of
+from .problem import thin_plate as thin_plate
 from .program import LevelProgram as LevelProgram
 from .program import LinearLimits as LinearLimits
 from .sequences import Morph as Morph
+from .sequences import Stop as Stop
+from .sequences import levels_to_stock as levels_to_stock
+from .sequences import stalls as stalls
 from .solvers.linearised import solve_linearised as solve_linearised

@@ -6,3 +6,6 @@ from .beam import join as join
 from .beam import mesh_sections as mesh_sections
 from .beam import ray_sections as ray_sections
 from .beam import shoulder as shoulder
+from .loads import PathLoads as PathLoads
+from .loads import cut_shares as cut_shares
+from .loads import mechanics_of_job as mechanics_of_job

@@ -1,10 +1,12 @@
 from .distance import MeshDistance as MeshDistance
+from .distance import barycentric as barycentric
 from .distance import exact_closest as exact_closest
 from .facets import Curvature as Curvature
 from .facets import SurfaceShape as SurfaceShape
 from .facets import delaunay as delaunay
 from .facets import mls_curvature as mls_curvature
 from .facets import vertex_normals as vertex_normals
+from .facets import voronoi_areas as voronoi_areas
 from .files.cad import call_in_child as call_in_child
 from .files.mesh_files import CAD as CAD
 from .files.mesh_files import MESHES as MESHES

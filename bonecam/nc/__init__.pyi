@@ -15,6 +15,7 @@ from .posting import write_program as write_program
 from .program import Program as Program
 from .program import program_name as program_name
 from .reading import read_program as read_program
+from .requirements import check_reach as check_reach
 from .requirements import check_tools as check_tools
 from .requirements import controller_of as controller_of
 from .requirements import job_dialect as job_dialect

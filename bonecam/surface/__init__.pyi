@@ -1,6 +1,7 @@
 from .basis import Elements as Elements
 from .basis import bernstein_coefficients as bernstein_coefficients
 from .basis import distinct as distinct
+from .files.surface_input import holds_surface as holds_surface
 from .files.tspline_text import load_surface as load_surface
 from .files.tspline_text import save_surface as save_surface
 from .fitting import Deviation as Deviation

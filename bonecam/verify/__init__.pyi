@@ -1,8 +1,11 @@
+from .control import program_text as program_text
+from .findings import LEFT as LEFT
 from .findings import Clearance as Clearance
 from .findings import Left as Left
 from .findings import LevelRemoval as LevelRemoval
 from .findings import Removal as Removal
 from .findings import Spot as Spot
+from .findings import given_surface as given_surface
 from .gouge import Gouge as Gouge
 from .gouge import measure_gouge as measure_gouge
 from .proof import Verification as Verification
@@ -11,7 +14,12 @@ from .readback import Tolerances as Tolerances
 from .removal import ACCURACY as ACCURACY
 from .removal import check_removal as check_removal
 from .removal import check_removal_of_job as check_removal_of_job
+from .removal import cutters_of as cutters_of
 from .removal import prove_removal as prove_removal
 from .removal import simulate_removal as simulate_removal
+from .sweeping import AIR as AIR
 from .sweeping import Accuracy as Accuracy
+from .sweeping import NormalProbes as NormalProbes
+from .sweeping import feed_minutes as feed_minutes
 from .sweeping import groups_of as groups_of
+from .sweeping import straight_pieces as straight_pieces

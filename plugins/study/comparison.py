@@ -51,6 +51,7 @@ from bonecam.pipeline import check_job
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report import Report
 from bonecam.report.kept import kept_contents, kept_levels
+from bonecam.surface import load_surface
 from bonecam.surface.files.surface_input import holds_surface
 from bonecam.verify import prove_removal
 from bonecam.verify.control import program_text
