@@ -17,8 +17,10 @@ demo: $(VENV)/installed
 	mkdir -p out
 	$(BIN)/bonecam demo -o out/phalanx.h --keep out/keep --report out/phalanx.json
 
+# The core's tests run without plugins.
 test: $(VENV)/developing cnc browser
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	BONECAM_NO_PLUGINS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/plugins
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile tests/plugins
 
 # The tests that run the whole chain, in variants.
 whole: $(VENV)/developing cnc browser
@@ -34,7 +36,7 @@ oldest: | system
 	$(VENV)/oldest/bin/pip install -qq uv
 	$(VENV)/oldest/bin/uv pip install -q --python $(VENV)/oldest/bin/python --resolution lowest-direct -e .
 	$(VENV)/oldest/bin/uv pip install -q --python $(VENV)/oldest/bin/python pytest hypothesis beartype
-	OMP_NUM_THREADS=1 $(VENV)/oldest/bin/python -m pytest tests/filters/test_meshset.py tests/mesh/test_repair.py tests/nc/test_golden.py
+	OMP_NUM_THREADS=1 $(VENV)/oldest/bin/python -m pytest tests/plugins/meshlab/test_meshset.py tests/mesh/test_repair.py tests/nc/test_golden.py
 
 docs: $(VENV)/documenting
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict -q -f docs/mkdocs.yml
