@@ -21,7 +21,8 @@ from typing import Any
 from bonecam.cli.stopping import NOTHING, shown_progress
 from bonecam.errors import JobError
 from bonecam.files import check_files
-from bonecam.job import Job, NcJob, job_files, read_job
+from bonecam.job import Job, NcJob, read_job
+from bonecam.job.files.job_file import job_files
 from bonecam.job.sections import job_error, setting
 from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.machine import machine_names

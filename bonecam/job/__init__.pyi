@@ -1,4 +1,3 @@
-from .files.job_file import job_files as job_files
 from .files.job_file import read_job as read_job
 from .files.job_file import write_job as write_job
 from .holding_section import HoldingJob as HoldingJob
@@ -13,7 +12,6 @@ from .sections import Job as Job
 from .sections import field_error as field_error
 from .stock_section import StockJob as StockJob
 from .tool_section import FINISHING as FINISHING
-from .tool_section import ROUGHING as ROUGHING
 from .tool_section import MaterialJob as MaterialJob
 from .tool_section import ToolJob as ToolJob
 from .warnings_section import WarningsJob as WarningsJob

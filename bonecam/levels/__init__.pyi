@@ -2,7 +2,6 @@ from .certificates import Certificate as Certificate
 from .certificates import certify as certify
 from .closed_morph import Method as Method
 from .closed_morph import morph as morph
-from .job_levels import even_levels as even_levels
 from .job_levels import levels_in as levels_in
 from .job_levels import make_levels as make_levels
 from .job_levels import surface_and_levels as surface_and_levels
@@ -13,8 +12,6 @@ from .measure import PartLevel as PartLevel
 from .measure import RoundedLevel as RoundedLevel
 from .measure import StockLevel as StockLevel
 from .measure import level_grid as level_grid
-from .measure import line_depths as line_depths
-from .measure import line_lengths as line_lengths
 from .measure import morph_surfaces as morph_surfaces
 from .measure import rounding_cuts as rounding_cuts
 from .measure import step_depths as step_depths

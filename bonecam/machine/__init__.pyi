@@ -2,7 +2,6 @@ from .check import MachineCheck as MachineCheck
 from .check import check_machine as check_machine
 from .check import reach_text as reach_text
 from .kinematics import forward as forward
-from .kinematics import inverse_linear as inverse_linear
 from .kinematics import inverse_rotary as inverse_rotary
 from .kinematics import within_limits as within_limits
 from .limits import MachineLimits as MachineLimits

@@ -21,8 +21,6 @@ from .files.polygons import ContentError as ContentError
 from .files.polygons import finite_numbers as finite_numbers
 from .files.polygons import numbered_words as numbered_words
 from .files.polygons import whole_numbers as whole_numbers
-from .healing import Fault as Fault
-from .healing import faults_of as faults_of
 from .healing import repair as repair
 from .hollows import fill_pits as fill_pits
 from .meshlab import remesh as remesh
@@ -37,7 +35,6 @@ from .smooth_surface import Coarseness as Coarseness
 from .smooth_surface import Smoothing as Smoothing
 from .smooth_surface import coarseness_of as coarseness_of
 from .smooth_surface import heights_above as heights_above
-from .smooth_surface import nearest_areas as nearest_areas
 from .smooth_surface import note_on_kept_facets as note_on_kept_facets
 from .smooth_surface import smooth_facets as smooth_facets
 from .solids import self_intersections as self_intersections

@@ -5,10 +5,7 @@ from .axes.cones import admissible_cones as admissible_cones
 from .axes.cones import cones_mesh as cones_mesh
 from .axes.cones import verify_cones as verify_cones
 from .axes.field import ContactFacets as ContactFacets
-from .axes.field import FieldDomain as FieldDomain
-from .axes.field import SmoothAxes as SmoothAxes
 from .axes.field import contact_facets as contact_facets
-from .axes.field import smooth_axes as smooth_axes
 from .axes.lead import SINGULAR_CONE as SINGULAR_CONE
 from .axes.lead import within_limits as within_limits
 from .chosen_cutters import with_chosen_cutters as with_chosen_cutters
@@ -18,7 +15,6 @@ from .contacts import at_post as at_post
 from .contacts import candidate_contacts as candidate_contacts
 from .contacts import contact_path as contact_path
 from .contacts import flute_slack as flute_slack
-from .contacts import gouge_free_lifts as gouge_free_lifts
 from .layers import Ball as Ball
 from .layers import FlatChart as FlatChart
 from .layers import HeightField as HeightField
@@ -38,5 +34,3 @@ from .neck import find_standing as find_standing
 from .oriented_path import orient as orient
 from .scene import Scene as Scene
 from .scene import distance_to_part as distance_to_part
-from .spacing import line_positions as line_positions
-from .spacing import side_step as side_step

@@ -8,11 +8,6 @@ from .machine_picture import draw_machine_file as draw_machine_file
 from .outputs import Outputs as Outputs
 from .pictures import add_legend as add_legend
 from .pictures import colours_of as colours_of
-from .pictures import draw_coloured as draw_coloured
-from .pictures import draw_compared_axes as draw_compared_axes
-from .pictures import draw_depths as draw_depths
-from .pictures import draw_levels as draw_levels
-from .pictures import draw_toolpath as draw_toolpath
 from .pictures import lay_out as lay_out
 from .pictures import new_figure as new_figure
 from .pictures import save_figure as save_figure
@@ -22,12 +17,8 @@ from .pictures import value_range as value_range
 from .stage_reports import levels_report as levels_report
 from .stage_reports import nc_report as nc_report
 from .stage_reports import surface_report as surface_report
-from .stage_reports import toolpath_report as toolpath_report
 from .summary import AxisComparison as AxisComparison
 from .summary import compare_axes as compare_axes
-from .summary import summary_of as summary_of
-from .tables import ClData as ClData
 from .tables import ClPath as ClPath
-from .tables import apt_text as apt_text
 from .tables import read_apt as read_apt
 from .typed import Report as Report

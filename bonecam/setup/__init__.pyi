@@ -3,7 +3,6 @@ from .capsule import enclosing_capsule as enclosing_capsule
 from .capsule import smallest_capsule as smallest_capsule
 from .placement import Setup as Setup
 from .placement import place as place
-from .placement import stock_for as stock_for
 from .rounding import RoundedStock as RoundedStock
 from .stock import Schedule as Schedule
 from .stock import Stock as Stock

@@ -12,7 +12,6 @@ from .part_surface import fit_surface as fit_surface
 from .query import Projection as Projection
 from .query import project as project
 from .skinning import blade_solid as blade_solid
-from .skinning import patch_surface as patch_surface
 from .skinning import skin as skin
 from .tessellation import Tessellation as Tessellation
 from .tessellation import checked_mesh as checked_mesh

@@ -6,8 +6,6 @@ from .findings import LevelRemoval as LevelRemoval
 from .findings import Removal as Removal
 from .findings import Spot as Spot
 from .findings import given_surface as given_surface
-from .gouge import Gouge as Gouge
-from .gouge import measure_gouge as measure_gouge
 from .proof import Verification as Verification
 from .proof import verify as verify
 from .readback import Tolerances as Tolerances

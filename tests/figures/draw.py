@@ -14,11 +14,19 @@ from palette import shrink
 from tmesh_picture import draw_tmesh, show_tmesh
 
 import bonecam
-from bonecam.levels import line_depths
+from bonecam.levels.measure import line_depths
 from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh
-from bonecam.report import AxisComparison, draw_coloured, draw_compared_axes, draw_depths, draw_machine, draw_toolpath
-from bonecam.report.pictures import lay_out, show_levels, show_path
+from bonecam.report import AxisComparison, draw_machine
+from bonecam.report.pictures import (
+    draw_coloured,
+    draw_compared_axes,
+    draw_depths,
+    draw_toolpath,
+    lay_out,
+    show_levels,
+    show_path,
+)
 from bonecam.setup import place
 from bonecam.surface.files.surface_input import read_part
 from bonecam.workholding import post_below

@@ -9,8 +9,8 @@ from level_parts import CAPSULE, waisted
 
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
-from bonecam.levels import Morph, RoundedLevel, closed_morph, even_levels, job_levels, levels_in, surface_and_levels
-from bonecam.levels.job_levels import fit_choices
+from bonecam.levels import Morph, RoundedLevel, closed_morph, job_levels, levels_in, surface_and_levels
+from bonecam.levels.job_levels import even_levels, fit_choices
 from bonecam.mesh import Rows, prepare_part
 from bonecam.mesh.rows import MOST_CHOICES
 from bonecam.runtime.timing import StageTimes

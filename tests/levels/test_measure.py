@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from level_parts import waisted
 
-from bonecam.levels import RoundedLevel, levels_in, line_depths, step_depths
-from bonecam.levels.measure import POINTS
-from bonecam.report import draw_depths
+from bonecam.levels import RoundedLevel, levels_in, step_depths
+from bonecam.levels.measure import POINTS, line_depths
+from bonecam.report.pictures import draw_depths
 from bonecam.setup import Capsule, Cylinder, Schedule
 
 BAR = Cylinder(4.5, 0.0, 20.0)

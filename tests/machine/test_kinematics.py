@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine_files import CHAINS, machine_text, write_machine
 
-from bonecam.machine import forward, inverse_linear, inverse_rotary, machine_names, read_machine
-from bonecam.machine.kinematics import UP, link_poses, rotate, tool_axes
+from bonecam.machine import forward, inverse_rotary, machine_names, read_machine
+from bonecam.machine.kinematics import UP, inverse_linear, link_poses, rotate, tool_axes
 from bonecam.machine.limits import tilt_band
 
 CHAIN_KINDS = ("table-table", "head-table", "head-head", "nutating")

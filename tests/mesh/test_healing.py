@@ -24,7 +24,7 @@ from mesh_bodies import ellipsoid
 from bonecam.errors import LimitError, MeshError
 from bonecam.job import Job, MeshJob
 from bonecam.machining import stand_part
-from bonecam.mesh import MeshDistance, TriangleMesh, faults_of, prepare_part, read_mesh, repair, repaired_part
+from bonecam.mesh import MeshDistance, TriangleMesh, prepare_part, read_mesh, repair, repaired_part
 from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.healing import (
     DECIMATION_DEVIATION,
@@ -32,6 +32,7 @@ from bonecam.mesh.healing import (
     RepairState,
     components_of,
     decimate,
+    faults_of,
     resolve_junctions,
     surface_moves,
     weld_seams,

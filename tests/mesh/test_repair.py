@@ -3,8 +3,8 @@ import pytest
 from mesh_bodies import ellipsoid, grid_faces, moved, solid, together, torus
 
 from bonecam.errors import MeshError
-from bonecam.mesh import exact_closest, faults_of, read_mesh, repair, to_mm
-from bonecam.mesh.healing import RepairState, wrap
+from bonecam.mesh import exact_closest, read_mesh, repair, to_mm
+from bonecam.mesh.healing import RepairState, faults_of, wrap
 
 
 def test_a_sound_mesh_comes_back_as_it_is(bone):

@@ -13,7 +13,8 @@ from tool_paths import TWO_PATHS
 
 from bonecam.errors import MachineError, ProgramError
 from bonecam.job import Job
-from bonecam.machine import inverse_linear, read_machine
+from bonecam.machine import read_machine
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.nc import Motions, read_dialect, read_program, write_program
 from bonecam.nc.dialect import DIALECTS
 from bonecam.nc.program import program_number

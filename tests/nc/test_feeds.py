@@ -10,8 +10,9 @@ from small_parts import capsule_path, path_of
 from bonecam.arrays import unit
 from bonecam.errors import VerifyError
 from bonecam.job import Job
-from bonecam.machine import Machine, inverse_linear
+from bonecam.machine import Machine
 from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.nc import Motions, drivable_paths, read_program, write_program
 from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, feed_scale, on_scale
 from bonecam.tool import MoveKind, ToolPath

@@ -19,8 +19,9 @@ from tool_paths import TWO_PATHS
 
 from bonecam.errors import MachineError
 from bonecam.job import Job
-from bonecam.machine import forward, inverse_linear, machine_names, read_machine
+from bonecam.machine import forward, machine_names, read_machine
 from bonecam.machine.control import Control
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import MACHINES
 from bonecam.mesh import TriangleMesh
 from bonecam.nc import read_dialect, read_program, write_program

@@ -17,7 +17,7 @@ from small_parts import FINISHING_CUTTER, HOLDING, grooved_pebble, level_of, mes
 from bonecam.errors import ToolPathError
 from bonecam.job import HoldingJob, PathJob
 from bonecam.mesh import MeshDistance, TriangleMesh
-from bonecam.planning import candidate_contacts, contact_path, gouge_free_lifts
+from bonecam.planning import candidate_contacts, contact_path
 from bonecam.planning.contacts import (
     BESIDE,
     BETWEEN_SHARE,
@@ -34,6 +34,7 @@ from bonecam.planning.contacts import (
     DepthLimits,
     Lines,
     cutting_passes,
+    gouge_free_lifts,
     moves_gouge_free,
     planned_tolerance,
     useful_passes,

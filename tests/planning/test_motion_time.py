@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.machine import Machine, inverse_linear, read_machine
+from bonecam.machine import Machine, read_machine
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 
 SECONDS = 60

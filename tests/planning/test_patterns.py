@@ -17,7 +17,6 @@ from scipy.spatial import KDTree
 from small_parts import FINISHING_CUTTER, HOLDING, ROUGHING_CUTTER, mesh_of, pebble, revolved
 
 from bonecam.arrays import dots
-from bonecam.planning import line_positions, side_step
 from bonecam.planning.patterns import (
     CLOSED_PATTERNS,
     ISO_PARAMETRIC,
@@ -39,8 +38,10 @@ from bonecam.planning.spacing import (
     contact_frames,
     curves_of,
     dense_samples,
+    line_positions,
     ranges,
     sample_lines,
+    side_step,
     step_metric,
     with_arcs,
 )

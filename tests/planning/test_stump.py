@@ -21,7 +21,8 @@ from bonecam.planning.layers import HeightField, depths_in
 from bonecam.planning.levels import check_parting, parting_paths
 from bonecam.planning.post_length import parting_lift
 from bonecam.planning.stump import STEPS, cut_groove, off_part, stump_chart, stump_layers
-from bonecam.report import apt_text, read_apt
+from bonecam.report import read_apt
+from bonecam.report.tables import apt_text
 from bonecam.setup import ConvexStock, Setup, schedule_of, smallest_capsule
 from bonecam.tool import Cutter
 from bonecam.tool.path import PARTING

@@ -11,7 +11,8 @@ from small_parts import UPRIGHT_CAPSULE, grooved_pebble, level_of, pebble
 
 from bonecam.cli import main
 from bonecam.errors import FileError, LevelError
-from bonecam.levels import StockLevel, job_levels, levels_in, line_depths, morph_open
+from bonecam.levels import StockLevel, job_levels, levels_in, morph_open
+from bonecam.levels.measure import line_depths
 from bonecam.mesh import read_mesh, write_mesh
 from bonecam.mesh.meshlab import meshlab
 from bonecam.report import kept

@@ -22,16 +22,17 @@ from bonecam.levels.measure import NO_CUT
 from bonecam.machine import machine_names, read_machine
 from bonecam.machine.bodies import Frustum, Table
 from bonecam.mesh import TriangleMesh
-from bonecam.report import (
+from bonecam.report import draw_machine, draw_machine_file, machine_picture
+from bonecam.report.pictures import (
+    corner_normals,
     draw_coloured,
     draw_depths,
+    draw_engagement,
     draw_levels,
-    draw_machine,
-    draw_machine_file,
     draw_toolpath,
-    machine_picture,
+    label_places,
+    view,
 )
-from bonecam.report.pictures import corner_normals, draw_engagement, label_places, view
 from bonecam.setup import Box, Capsule, Stock
 from bonecam.surface import TSpline
 from bonecam.tool import Cutter, MoveKind, ToolPath

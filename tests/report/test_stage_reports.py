@@ -17,9 +17,9 @@ from bonecam.levels.measure import NO_CUT
 from bonecam.machine import MachineLimits
 from bonecam.mesh import TriangleMesh
 from bonecam.nc.program import ProgramTime
-from bonecam.report import AxisComparison, Report, levels_report, summary_of, toolpath_report
-from bonecam.report.stage_reports import uncut_areas
-from bonecam.report.summary import AxisChoice, certified_text, uncut_lines
+from bonecam.report import AxisComparison, Report, levels_report
+from bonecam.report.stage_reports import toolpath_report, uncut_areas
+from bonecam.report.summary import AxisChoice, certified_text, summary_of, uncut_lines
 from bonecam.setup import Capsule
 from bonecam.tool import FreeCones, MoveKind
 from bonecam.tool.elliptic_cones import EllipticCones

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from bonecam.errors import ProgramError
 from bonecam.job import Job
-from bonecam.report import apt_text, read_apt
+from bonecam.report import read_apt
+from bonecam.report.tables import apt_text
 from bonecam.tool import Cutter, MoveKind, ToolPath
 
 JOB = Job()

@@ -17,18 +17,8 @@ from bonecam.errors import StockError
 from bonecam.job import StockJob
 from bonecam.job.stock_section import STOCK_KINDS
 from bonecam.mesh import TriangleMesh, write_mesh
-from bonecam.setup import (
-    Box,
-    Capsule,
-    ConvexStock,
-    Cylinder,
-    Schedule,
-    smallest_capsule,
-    stock_figures,
-    stock_for,
-    stocks,
-)
-from bonecam.setup.placement import centring_shift, may_centre
+from bonecam.setup import Box, Capsule, ConvexStock, Cylinder, Schedule, smallest_capsule, stock_figures, stocks
+from bonecam.setup.placement import centring_shift, may_centre, stock_for
 from bonecam.setup.rounding import MARGIN
 from bonecam.setup.stock import kind_of, stock_text
 

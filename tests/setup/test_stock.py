@@ -27,8 +27,8 @@ from bonecam.setup import (
     schedule_of,
     smallest_capsule,
     stock_figures,
-    stock_for,
 )
+from bonecam.setup.placement import stock_for
 from bonecam.setup.rounding import require_inside
 from bonecam.setup.stock import even_out, finite_numbers, stock_text
 from bonecam.setup.stocks.capsule import capsule_of_size

@@ -21,7 +21,7 @@ from bonecam.errors import FileError, SurfaceError
 from bonecam.mesh import TriangleMesh
 from bonecam.mesh.distance import hausdorff
 from bonecam.mesh.healing import holes_of
-from bonecam.surface import TSpline, blade_solid, patch_surface, skin, skinning
+from bonecam.surface import TSpline, blade_solid, skin, skinning
 from bonecam.surface.basis import collocation, interpolate, periodic_collocation, sites
 from bonecam.surface.skinning import (
     Reduction,
@@ -29,6 +29,7 @@ from bonecam.surface.skinning import (
     control_curves,
     has_blunt_edge,
     holds_rows,
+    patch_surface,
     read_rows,
     row_parameters,
 )

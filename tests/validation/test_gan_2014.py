@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.job import FINISHING, ROUGHING, LevelsJob, MeshJob, PathJob
+from bonecam.job import FINISHING, LevelsJob, MeshJob, PathJob
+from bonecam.job.tool_section import ROUGHING
 from bonecam.levels.problem import element_matrices
 from bonecam.mesh import harmonic_rows, prepare_part
 from bonecam.planning.axes.lead import lead_axes

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from numpy import ndarray
 
-from bonecam.job import FINISHING, ROUGHING
-from bonecam.planning import side_step
+from bonecam.job import FINISHING
+from bonecam.job.tool_section import ROUGHING
+from bonecam.planning.spacing import side_step
 
 PUBLISHED = [(1.0, 0.01), (2.0, 0.05)]
 """Ball radius and scallop height (mm) of the finishing and the roughing levels in Gan et al., section 5.1."""

@@ -21,15 +21,17 @@ from small_parts import PATH_CAPSULE, capsule_path
 
 from bonecam.errors import ProgramError, VerifyError
 from bonecam.job import Job
-from bonecam.machine import Machine, inverse_linear, read_machine
+from bonecam.machine import Machine, read_machine
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.mesh import MeshDistance
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.nc import Dialect, Motions, dialect_names, drivable_paths, read_dialect, read_program, write_program
 from bonecam.nc.words import number_blocks
 from bonecam.setup import ConvexStock
 from bonecam.tool import Cutter
-from bonecam.verify import Accuracy, check_removal, measure_gouge, simulate_removal
+from bonecam.verify import Accuracy, check_removal, simulate_removal
 from bonecam.verify.control import check_control, check_limits, nose_moves
+from bonecam.verify.gouge import measure_gouge
 from bonecam.verify.removal import cutters_of
 from bonecam.workholding import Post
 

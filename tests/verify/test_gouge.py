@@ -6,8 +6,7 @@ from small_parts import PATH_CAPSULE, capsule_path, path_of
 from bonecam.errors import VerifyError
 from bonecam.job import Job
 from bonecam.nc import read_program, write_program
-from bonecam.verify import measure_gouge
-from bonecam.verify.gouge import SLACK
+from bonecam.verify.gouge import SLACK, measure_gouge
 
 
 class ExactCapsule:

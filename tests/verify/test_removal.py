@@ -36,9 +36,10 @@ from bonecam.nc.motions import described_tool
 from bonecam.planning.collision import block_mesh, body_texts, check_bodies
 from bonecam.setup import Capsule, Cylinder
 from bonecam.tool import Cutter, ToolPath
-from bonecam.verify import Accuracy, Clearance, Gouge, Left, Spot, check_removal, clearances, simulate_removal
+from bonecam.verify import Accuracy, Clearance, Left, Spot, check_removal, clearances, simulate_removal
 from bonecam.verify.clearances import SHARE, TOUCHING, body_clearance
 from bonecam.verify.findings import GivenSurface, beside_limits, given_surface, measure_given
+from bonecam.verify.gouge import Gouge
 from bonecam.verify.sweeping import NormalProbes, volumes
 from bonecam.workholding import Clamping, Post
 from bonecam.workholding.post import Column

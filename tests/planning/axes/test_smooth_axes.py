@@ -12,16 +12,19 @@ from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
 from bonecam.machine import MachineLimits
 from bonecam.machine.limits import polar_angles
-from bonecam.planning import FieldDomain, Scene, SmoothAxes, admissible_cones, orient, smooth_axes
+from bonecam.planning import Scene, admissible_cones, orient
 from bonecam.planning.axes.field import (
     ALONG,
     AROUND,
     SLOW,
     AxisField,
+    FieldDomain,
+    SmoothAxes,
     contact_facets,
     level_axes,
     machine_minutes,
     rotary_travel,
+    smooth_axes,
     soonest,
 )
 from bonecam.planning.axes.lead import lead_axes

@@ -11,7 +11,7 @@ import bonecam
 from bonecam.errors import OrientationError
 from bonecam.job import Job
 from bonecam.machine import MachineLimits
-from bonecam.mesh import nearest_areas
+from bonecam.mesh.smooth_surface import nearest_areas
 from bonecam.setup import Cylinder
 from bonecam.tool import MoveKind
 

@@ -23,7 +23,8 @@ from scipy.spatial.transform import Rotation
 import bonecam
 from bonecam.cli import main
 from bonecam.errors import FileError
-from bonecam.machine import Machine, forward, inverse_linear, read_machine
+from bonecam.machine import Machine, forward, read_machine
+from bonecam.machine.kinematics import inverse_linear
 from bonecam.nc import read_program
 from bonecam.nc.requirements import job_dialect
 from bonecam.report.kept import kept_contents
