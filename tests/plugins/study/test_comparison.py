@@ -16,7 +16,7 @@ from bonecam.errors import FileError, JobError, LevelError, MachineError
 from bonecam.job import Job
 from bonecam.levels.job_levels import make_levels
 from bonecam.machine import read_machine
-from bonecam.machining import stand_part
+from bonecam.machining import Posting, stand_part
 from bonecam.nc.requirements import job_dialect
 from bonecam.progress import silent
 from bonecam.report.outputs import Outputs
@@ -115,7 +115,8 @@ def test_what_a_kept_folder_cannot_be_probed_by_is_told_before_it_is_simulated(m
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_the_part_is_read_and_fitted_once_for_all_strategies(monkeypatch, fails):
-    machine, fitted, stood = read_machine(COARSE.nc.machine), [], []
+    posting = Posting(read_machine(COARSE.nc.machine), job_dialect(COARSE.nc))
+    fitted, stood = [], []
 
     def stand(*given):
         stood.append(stand_part(*given))
@@ -129,7 +130,7 @@ def test_the_part_is_read_and_fitted_once_for_all_strategies(monkeypatch, fails)
 
     monkeypatch.setattr(comparison, "stand_part", stand)
     monkeypatch.setattr(comparison, "morph_standing", fit)
-    base, failure = comparison._base(mesh_of(pebble(), 40, 50), COARSE, STRATEGIES, machine, silent)
+    base, failure = comparison._base(mesh_of(pebble(), 40, 50), COARSE, STRATEGIES, posting, silent)
     (first,) = stood
     assert (fitted, bool(failure)) == ((["morph", "iso-height"], True) if fails else (["morph"], False))
     assert base.setup is first.setup
