@@ -21,6 +21,7 @@ from bonecam.report.page.contents import unpack
 from bonecam.surface import save_surface, skin
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import verify
+from bonecam.wheels import blading
 from bonecam.wheels.channels import require_room
 from bonecam.wheels.proof import RepeatedDistance, prove_removal_of_wheel
 from bonecam.wheels.tables import read_blade, read_hub
@@ -193,7 +194,7 @@ def test_the_command_tells_a_wrong_wheel_in_one_line(files, made, capsys):
 def test_the_demo_s_wheel_is_the_impeller_that_ships(tmp_path, monkeypatch):
     given: list[dict] = []
     stand_in = wraps(bonecam.blades)(lambda **named: given.append(named) or SimpleNamespace(summary="made"))
-    monkeypatch.setattr(bonecam, "blades", stand_in)
+    monkeypatch.setattr(blading, "blades", stand_in)
     monkeypatch.chdir(tmp_path)
     page = str(tmp_path / "wheel.html")
     assert (
