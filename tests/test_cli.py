@@ -200,7 +200,7 @@ def test_a_failed_part_of_a_batch_is_named_once(monkeypatch, capsys):
 @pytest.mark.parametrize(
     "arguments",
     [
-        *(["job"], ["filters"], ["filters", "generate_stock"]),
+        *(["job"], ["machines"], ["machines", "dmu-45"]),
         *([], ["help"], ["--help"], ["--version"], ["convert", "--help"], ["help", "batch"]),
     ],
 )
@@ -229,19 +229,13 @@ def test_the_report_of_a_simulation_is_checked_before_it(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "closed", "printed"),
-    [
-        ("job", ">&-", ""),
-        ("filters none", ">&- 2>&-", ""),
-        ("script a.mlx -o out", ">&-", ""),
-        ("script a.mlx -o out", "<&- 2>&-", "out/Box_Cube.ply\n"),
-    ],
+    [("job", ">&-", ""), ("machines none", ">&- 2>&-", ""), ("machines", "<&- 2>&-", "dmu-45")],
 )
 def test_a_closed_stream_is_as_one_that_leads_nowhere(arguments, closed, printed, tmp_path):
-    (tmp_path / "a.mlx").write_text('<FilterScript><filter name="create_cube"/></FilterScript>')
     call = f"exec '{sys.executable}' -m bonecam {arguments} {closed}"
     done = subprocess.run(["sh", "-c", call], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (2 if "none" in arguments else 0, printed, "")
-    assert (tmp_path / "out" / "Box_Cube.ply").exists() == ("out" in arguments)
+    assert (done.returncode, done.stderr) == (2 if "none" in arguments else 0, "")
+    assert printed in done.stdout if printed else not done.stdout
 
 
 def test_a_batch_shows_what_runs_what_is_done_and_the_time_left(monkeypatch, capsys):

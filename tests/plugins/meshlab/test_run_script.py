@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pymeshlab
@@ -123,3 +125,12 @@ def test_a_filter_that_may_end_the_process_works_where_it_does_not(tmp_path):
     meshes.save_current_mesh(str(tmp_path / "cube.ply"))
     meshes.nxs_build(input_file=str(tmp_path / "cube.ply"), output_file=str(tmp_path / "cube.nxs"))
     assert (tmp_path / "cube.nxs").stat().st_size > 0
+
+
+@pytest.mark.parametrize(("closed", "printed"), [(">&-", ""), ("<&- 2>&-", "out/Box_Cube.ply\n")])
+def test_a_closed_stream_is_as_one_that_leads_nowhere(closed, printed, tmp_path):
+    (tmp_path / "a.mlx").write_text('<FilterScript><filter name="create_cube"/></FilterScript>')
+    call = f"exec '{sys.executable}' -m bonecam script a.mlx -o out {closed}"
+    done = subprocess.run(["sh", "-c", call], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, printed, "")
+    assert (tmp_path / "out" / "Box_Cube.ply").exists()
