@@ -101,7 +101,16 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         for name, column in reversed(post.get("held_by", {}).items()):
             sizes = f"{column['diameter_mm']:g} mm, z {column['from_mm']:g} to {column['to_mm']:g}"
             yield f"          on a {name} of {sizes}"
-        yield from _neck_lines(post.get("necks", ()))
+        # the necks that were tried, the one that is taken first
+        necks = post.get("necks", ())
+        if necks:
+            minutes = "    min" if "machining_min" in necks[0] else ""
+            yield f"          neck mm      uncut mm2   um/N     um    MPa      Hz{minutes}"
+        for neck in necks:
+            size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
+            moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
+            moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
+            yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
         yield from (f"          {text}" for text in _remedy_texts(post))
         if post.get("depths_found"):
             *first, beyond = post["depths_found"]
@@ -109,7 +118,17 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             yield f"          bears cuts of {near}{beyond:g} mm"
         if "footprint_mm2" in post:
             yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
-        yield from _tailstock_lines(post.get("tailstock"))
+        # what holds the free end, and what of the part it takes from the tool
+        tailstock = post.get("tailstock")
+        if tailstock is not None:
+            x, y = tailstock["at_mm"]
+            ends = f"z {tailstock['from_mm']:.2f} to {tailstock['to_mm']:.2f}"
+            sizes = f"{tailstock['diameter_mm']:g} mm at ({x:.2f}, {y:.2f}), {ends}"
+            yield f"          held above by a {tailstock['kind']} of {sizes}"
+            yield f"          {tailstock['footprint_mm2']:.1f} mm2 of the part stay under it"
+            if tailstock.get("blocked_share"):
+                share = f"{100 * tailstock['blocked_share']:.0f} %"
+                yield f"          {share} of the part are in its way or that of its bracket"
         remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
         if remedies:
             yield f"          {', '.join(remedies)}"
@@ -119,31 +138,6 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         ]
         if costs:
             yield f"          {', '.join(costs)}"
-
-
-def _tailstock_lines(tailstock: Mapping[str, Any] | None) -> Iterator[str]:
-    """What holds the free end, and what of the part it takes from the tool."""
-    if tailstock is None:
-        return
-    x, y = tailstock["at_mm"]
-    ends = f"z {tailstock['from_mm']:.2f} to {tailstock['to_mm']:.2f}"
-    sizes = f"{tailstock['diameter_mm']:g} mm at ({x:.2f}, {y:.2f}), {ends}"
-    yield f"          held above by a {tailstock['kind']} of {sizes}"
-    yield f"          {tailstock['footprint_mm2']:.1f} mm2 of the part stay under it"
-    if tailstock.get("blocked_share"):
-        yield f"          {100 * tailstock['blocked_share']:.0f} % of the part are in its way or that of its bracket"
-
-
-def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """The necks that were tried, the one that is taken first."""
-    if necks:
-        minutes = "    min" if "machining_min" in necks[0] else ""
-        yield f"          neck mm      uncut mm2   um/N     um    MPa      Hz{minutes}"
-    for neck in necks:
-        size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
-        moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
-        moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
-        yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
 
 
 def neck_text(post: Mapping[str, Any]) -> str:
