@@ -488,7 +488,7 @@ def resolve_junctions(state: RepairState) -> RepairState:
     count, sides = cgal.extract_cells(np.array(mesh.vertices), mesh.faces.astype(np.int64))
     ends = sides[_at_rim(mesh)].T
     graph = sp.coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(count, count))
-    cells = np.asarray(connected_components(graph, directed=False)[1][sides], dtype=np.int64)
+    cells: Int[ndarray, "m 2"] = connected_components(graph, directed=False)[1][sides].astype(np.int64)
     part = _part_cells(mesh, cells)
     on_front, on_back = part[cells].T
     surface = on_front != on_back

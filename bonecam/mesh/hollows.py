@@ -23,7 +23,9 @@ An undercut pit, all of whose walls move into its mouth over one another, is cap
 no cap closes it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -166,30 +168,36 @@ def cap_folds(
     """The mesh with the vertices of a `hollow` moved to `onto_ball`, and with caps in place of the faces there that cut
     each other then: as few of those round them as are needed, all of the hollow at most. What comes
     back is that of `cap`."""
+    onto = partial(ball.onto, both_ways=True)
     moved = TriangleMesh(np.where(hollow[:, None], onto_ball, mesh.vertices), mesh.faces)
     walls = hollow[mesh.faces].all(axis=1)
     out = np.zeros(len(walls), dtype=bool)
     out[self_intersections(moved)] = True
     out &= walls
     rings = 1
-    capped = cap(moved, out, ball)
+    capped = cap(moved, out, ball.longest, onto)
     while capped is None and not (out == walls).all():
         before = out
         for _ in range(rings):
             out = walls & np.isin(mesh.faces, mesh.faces[out]).any(axis=1)
         if (out == before).all():
             break
-        capped = cap(moved, out, ball)
+        capped = cap(moved, out, ball.longest, onto)
         rings *= 2
     return capped
 
 
-def cap(mesh: TriangleMesh, hollow: Bool[ndarray, " f"], ball: Ball) -> tuple[TriangleMesh, Int[ndarray, " k"]] | None:
+def cap(
+    mesh: TriangleMesh,
+    hollow: Bool[ndarray, " f"],
+    longest: float,
+    onto: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 3"]],
+) -> tuple[TriangleMesh, Int[ndarray, " k"]] | None:
     """The closed mesh without the faces of `hollow`, the holes that they leave closed, and the numbers that its
     vertices had before, of which those in caps (the last) have none; None where that is no closed body without handles
     that does not cut itself, as over a groove all the way round.
 
-    Edges in caps are no longer than the `ball` asks for, onto which the points inside them are moved.
+    Edges in caps are at most `longest` mm; `onto` moves the points (mm) inside them to where they belong.
     """
     old, faces = np.unique(mesh.faces[~hollow], return_inverse=True)
     left = TriangleMesh(mesh.vertices[old], faces.reshape(-1, 3).astype(np.int32))
@@ -204,7 +212,7 @@ def cap(mesh: TriangleMesh, hollow: Bool[ndarray, " f"], ball: Ball) -> tuple[Tr
     while True:
         corners = closed.vertices[closed.faces]
         in_caps = lengths(exact_closest(left, corners.mean(axis=1))[0] - corners.mean(axis=1)) > ON
-        too_long = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) > ball.longest
+        too_long = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1) > longest
         if not (in_caps & too_long).any():
             break
         closed = bisect_faces(closed, in_caps & too_long)
@@ -212,7 +220,7 @@ def cap(mesh: TriangleMesh, hollow: Bool[ndarray, " f"], ball: Ball) -> tuple[Tr
     inside[closed.faces[~in_caps]] = False
     vertices = np.array(closed.vertices)
     for _ in range(SMOOTHINGS if inside.any() else 1):
-        vertices[inside] = ball.onto(vertices[inside], both_ways=True)
+        vertices[inside] = onto(vertices[inside])
         capped = TriangleMesh(vertices.copy(), closed.faces)
         if not len(self_intersections(capped)):
             return capped, old

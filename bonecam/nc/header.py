@@ -304,29 +304,27 @@ def air_check_texts(control: Control, dialect: Dialect, top: float) -> list[str]
         along = f", X+ of the blank towards {_words_of(frame[0])}, its Z+ towards {_words_of(frame[2])}"
     # that along the spindle last: on a head it is seen by the tilt of the other
     tilting_first = sorted(machine.own_rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
+    # Words that keep the tip on one place over the program's zero as each axis turns: a pivot or an offset that is not
+    # the machine file's shows as a way of the tip. Poses beyond a limit of the spindle nose are left out
+    places = []
+    if not control.tool_centre:
+        height = float(np.ceil(top + ABOVE))
+        angles = [start, *(_turned(machine, start, axis) for axis in machine.own_rotary)]
+        words = control.words(np.tile([0.0, 0.0, height], (len(angles), 1)), np.array(angles))
+        nose = words[:, :3] + [0.0, 0.0, control.tool_length]
+        low, high = np.array([axis.limits for axis in machine.linear]).T
+        reached = np.all((nose >= low) & (nose <= high), axis=1)
+        words[:, 3:] = np.degrees(words[:, 3:])
+        same = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
+        places = [same, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
     return [
         "tool in the spindle, retracted, tool-centre control off, each axis driven by hand and back",
         "X+, Y+, Z+ are where the tool goes over the table as X, Y, Z grow",
         "marks on the table are watched from its middle",
         f"at {at} the tool must stand {stands}{along}",
         *(text for axis in tilting_first for text in _turn_texts(machine, axis, start)),
-        *([] if control.tool_centre else _place_texts(control, dialect, start, float(np.ceil(top + ABOVE)))),
+        *places,
     ]
-
-
-def _place_texts(control: Control, dialect: Dialect, start: Float[ndarray, "2"], height: float) -> list[str]:
-    """Words that keep the tip on one place, `height` (mm) over the program's zero, as each axis turns: a pivot or an
-    offset that is not the machine file's shows as a way of the tip. Poses beyond a limit of the spindle nose are left
-    out."""
-    machine = control.machine
-    angles = [start, *(_turned(machine, start, axis) for axis in machine.own_rotary)]
-    words = control.words(np.tile([0.0, 0.0, height], (len(angles), 1)), np.array(angles))
-    nose = words[:, :3] + [0.0, 0.0, control.tool_length]
-    low, high = np.array([axis.limits for axis in machine.linear]).T
-    reached = np.all((nose >= low) & (nose <= high), axis=1)
-    words[:, 3:] = np.degrees(words[:, 3:])
-    message = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
-    return [message, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
 
 
 def turn_of(axis: RotaryAxis) -> tuple[float, float]:

@@ -140,19 +140,6 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             yield f"          {', '.join(costs)}"
 
 
-def neck_text(post: Mapping[str, Any]) -> str:
-    """What is foretold of the neck that is taken where none holds, beside what is wanted of one."""
-    taken = post["necks"][0]
-    wanted = post["neck_wanted"]
-    error = f"{taken['shift_um']:.1f} um of error at 95 % ({wanted['shift_um']:g} at most)"
-    stress = f"{taken['stress_mpa']:.0f} MPa at peaks ({wanted['stress_mpa']:.0f} at most)"
-    swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
-    size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
-    figures = f"{error}, {taken['shift_p99_um']:.0f} at 99 %; {stress}; {swing}"
-    none = "the neck does not hold" if post["neck_stated"] else "no neck holds"
-    return f"{none}: foretold on that of {size} are {figures}"
-
-
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
     """With what that neck holds, or nearly; another one where the job states it."""
     other = ["give holding.diameter = 0, which finds one"] if post["neck_stated"] else []
@@ -282,12 +269,21 @@ def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Ite
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
     refused = most if kept is None and job.mechanics.refuse else None
     shift = taken["shift_p99_um"]
-    yield Warned("holding", neck_text(post), shift, told, refused, remedy=neck_remedy_text(post))
-    yields = YIELDS * post["neck_wanted"]["stress_mpa"]
+    # What is foretold of it, beside what is wanted of one
+    wanted = post["neck_wanted"]
+    error = f"{taken['shift_um']:.1f} um of error at 95 % ({wanted['shift_um']:g} at most)"
+    stress = f"{taken['stress_mpa']:.0f} MPa at peaks ({wanted['stress_mpa']:.0f} at most)"
+    swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
+    size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
+    none = "the neck does not hold" if post["neck_stated"] else "no neck holds"
+    figures = f"{error}, {shift:.0f} at 99 %; {stress}; {swing}"
+    remedy = neck_remedy_text(post)
+    yield Warned("holding", f"{none}: foretold on that of {size} are {figures}", shift, told, refused, remedy=remedy)
+    yields = YIELDS * wanted["stress_mpa"]
     if refused and taken["stress_mpa"] > yields:
         what = f"the neck of {taken['diameter_mm']:g} mm bears {taken['stress_mpa']:.0f} MPa at peaks"
         text = f"{what}, foretold, allowed {yields / FORETOLD_STRESS:.0f} (half of the yield strength)"
-        yield Warned("holding", text, taken["stress_mpa"], yields, yields, remedy=neck_remedy_text(post))
+        yield Warned("holding", text, taken["stress_mpa"], yields, yields, remedy=remedy)
 
 
 def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:

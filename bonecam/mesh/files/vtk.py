@@ -74,7 +74,7 @@ def _section(data: bytes, word: bytes, start: int, binary: bool, typed: bool = F
     if data.startswith(b"OFFSETS", head.end()):
         offsets, end = _numbers(data, rb"OFFSETS\s+()(\w+)", head.end(), binary, 1, count=int(head[1]))
         corners, end = _numbers(data, rb"CONNECTIVITY\s+()(\w+)", end, binary, 1, count=int(head[2]))
-        cells = corners.astype(np.int64), np.diff(offsets.astype(np.int64))
+        cells: Cells = corners.astype(np.int64), np.diff(offsets.astype(np.int64))
     else:
         rows, end = _values(data, head.end(), binary, b"int", int(head[2]))
         if (rows != np.rint(rows)).any():
