@@ -206,24 +206,21 @@ def _part_of(folder: Path, cells: dict[str, str], job: Job) -> BatchPart:
     name = cells.get("output") or name_of(file)
     if name.startswith(".") or Path(name).name != name:
         raise JobError(f"output {shown(name)} is no name of a file in the folder: leave out folders and dots")
-    changed = part.job.with_values(**_changes(folder, cells))
-    return BatchPart(file, name, changed, part.job_file)
 
-
-def _changes(folder: Path, cells: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """What the cells of a line change in a job, by section and name."""
+    # What the cells change in the job, by section and name
     keys = {"units": "mesh.units"}
-    given = [(keys.get(column, column), cell) for column, cell in cells.items() if cell]
-    settings = [each for each in (setting(key, cell) for key, cell in given) if each]
+    texts = [(keys.get(column, column), cell) for column, cell in cells.items() if cell]
+    settings = [each for each in (setting(key, cell) for key, cell in texts) if each]
     stock = cells.get("stock", "")
     if stock in STOCK_KINDS:
         settings.append(("stock", "kind", stock))
     elif stock:
         settings += [("stock", "kind", "mesh"), ("stock", "mesh", str((folder / stock).absolute()))]
     changes: dict[str, dict[str, Any]] = {}
-    for section, name, value in settings:
-        changes.setdefault(section, {})[name] = value
-    return counted_from(str(folder.absolute()), changes)
+    for section, field, value in settings:
+        changes.setdefault(section, {})[field] = value
+    changed = part.job.with_values(**counted_from(str(folder.absolute()), changes))
+    return BatchPart(file, name, changed, part.job_file)
 
 
 @dataclass(frozen=True)

@@ -182,11 +182,12 @@ class _Triangulation:
         points = self.points
         while GHOST in (a, b):
             a, b, c = b, c, a
-        p = points[vertex]
+        p, q, r = points[vertex], points[a], points[b]
         if c != GHOST:
-            return in_circle(points[a], points[b], points[c], p)
-        side = orientation(points[a], points[b], p)
-        return side > 0 or (side == 0 and _between(points[a], points[b], p))
+            return in_circle(q, r, points[c], p)
+        side = orientation(q, r, p)
+        between = (q[0] - p[0]) * (r[0] - p[0]) + (q[1] - p[1]) * (r[1] - p[1]) < 0
+        return side > 0 or (side == 0 and between)
 
     def _triangle_at(self, vertex: int) -> Triangle:
         """The triangle that the point lies in; a ghost where it lies outside all. From the triangle made last
@@ -208,11 +209,6 @@ class _Triangulation:
             if beyond == GHOST:
                 return end, start, GHOST
             a, b, c = end, start, beyond
-
-
-def _between(a: Point, b: Point, p: Point) -> bool:
-    """Whether p, on the line through a and b, lies between them."""
-    return (a[0] - p[0]) * (b[0] - p[0]) + (a[1] - p[1]) * (b[1] - p[1]) < 0
 
 
 def _equal(one: int, other: int) -> ValueError:
@@ -311,55 +307,43 @@ def mls_curvature(mesh: TriangleMesh, radius: float | None = None, *, few_allowe
     one with the least coefficients.
     """
     normals = vertex_normals(mesh)
-    around = _within_two_edges(mesh) if radius is None else _within(mesh, normals, radius)
-    starts = np.searchsorted(around[0], np.arange(len(normals) + 1))
+    count = len(normals)
+    # a vertex is a neighbour of its own
+    itself = eye_array(count, format="csr")
+    if radius is None:
+        start, end = np.concatenate([mesh.faces[:, pair] for pair in permutations(range(3), 2)]).T
+        edges = csr_array((np.ones(len(start)), (start, end)), shape=(count, count)) + itself
+        around = edges @ edges
+    else:
+        # no further than `radius` apart, with normals that point to one side
+        if not radius > 0:
+            raise ValueError(f"radius = {radius}: give a length in mm above 0")
+        tree = KDTree(mesh.vertices)
+        near = tree.sparse_distance_matrix(tree, radius, output_type="coo_matrix")
+        alike = dots(normals[near.row], normals[near.col]) > 0
+        ends = near.row[alike], near.col[alike]
+        around = csr_array((np.ones(alike.sum()), ends), shape=(count, count)) + itself
+    starts = around.indptr
     few = np.flatnonzero(np.diff(starts) < COEFFICIENTS)
     if len(few) and not few_allowed:
         vertex = int(few[0])
-        count = int(np.diff(starts)[few[0]]) - 1
+        others = int(np.diff(starts)[few[0]]) - 1
         raise MeshError(
-            f"vertex {vertex} has {count} neighbours, too few for its curvature: give a larger radius", vertex=vertex
+            f"vertex {vertex} has {others} neighbours, too few for its curvature: give a larger radius", vertex=vertex
         )
     parts = [
         _fit(
             mesh.vertices,
             normals,
-            neighbours=around[1],
+            neighbours=around.indices,
             starts=starts[first : first + CHUNK + 1],
             first=first,
             few_allowed=few_allowed,
         )
-        for first in range(0, len(normals), CHUNK)
+        for first in range(0, count, CHUNK)
     ]
     fields = ("k1", "k2", "direction1", "direction2")
     return Curvature(*(np.concatenate([getattr(part, name) for part in parts]) for name in fields))
-
-
-def _within_two_edges(mesh: TriangleMesh) -> Int[ndarray, "2 p"]:
-    """Pairs (vertex, neighbour) in the order of the vertices, each vertex its own neighbour too."""
-    count = len(mesh.vertices)
-    start, end = np.concatenate([mesh.faces[:, pair] for pair in permutations(range(3), 2)]).T
-    edges = csr_array((np.ones(len(start)), (start, end)), shape=(count, count)) + eye_array(count, format="csr")
-    return _pairs(edges @ edges)
-
-
-def _within(mesh: TriangleMesh, normals: Float[ndarray, "n 3"], radius: float) -> Int[ndarray, "2 p"]:
-    """Pairs (vertex, neighbour) no further than `radius` apart whose normals point to one side."""
-    if not radius > 0:
-        raise ValueError(f"radius = {radius}: give a length in mm above 0")
-    tree = KDTree(mesh.vertices)
-    near = tree.sparse_distance_matrix(tree, radius, output_type="coo_matrix")
-    start, end = near.row, near.col
-    alike = dots(normals[start], normals[end]) > 0
-    count = len(normals)
-    adjacency = csr_array((np.ones(alike.sum()), (start[alike], end[alike])), shape=(count, count))
-    return _pairs(adjacency + eye_array(count, format="csr"))
-
-
-def _pairs(matrix: csr_array) -> Int[ndarray, "2 p"]:
-    """Rows and columns of the entries, row by row."""
-    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    return np.stack([rows, matrix.indices])
 
 
 def _fit(

@@ -88,7 +88,16 @@ def surface_moves(before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh
     Old faces with material on both sides, as the closed `solid` tells where it is given, lie inside another part of
     the surface: they are no outside and do not count.
     """
-    points = probes(before) if solid is None else _outside(before, solid)
+    points = probes(before)
+    if solid is not None:
+        # corners and middles of the faces that have its material on one side at most there
+        corners = before.vertices[before.faces]
+        middles = corners.mean(1, keepdims=True)
+        places = np.concatenate([corners, middles], axis=1)
+        aside = unit(before.face_vectors)[:, None] * before.diagonal * ASIDE
+        inset = places + ASIDE * (middles - places)
+        covered = [winding_numbers(solid, (inset + side * aside).reshape(-1, 3)) > 0.5 for side in (1, -1)]
+        points = places.reshape(-1, 3)[~(covered[0] & covered[1])]
     distances = np.linalg.norm(exact_closest(after, points)[0] - points, axis=1)
     order = np.argsort(-distances, kind="stable")
     farthest: dict[bool, float] = {}
@@ -105,17 +114,6 @@ def surface_moves(before: TriangleMesh, after: TriangleMesh, solid: TriangleMesh
     return SurfaceMovement(
         farthest.get(True, 0.0), farthest.get(False, 0.0), points[order[0]] if len(order) else np.zeros(3)
     )
-
-
-def _outside(mesh: TriangleMesh, solid: TriangleMesh) -> Float[ndarray, "n 3"]:
-    """Corners and middles of the faces that have the material of the closed `solid` on one side at most there."""
-    corners = mesh.vertices[mesh.faces]
-    middles = corners.mean(1, keepdims=True)
-    points = np.concatenate([corners, middles], axis=1)
-    aside = unit(mesh.face_vectors)[:, None] * mesh.diagonal * ASIDE
-    inset = points + ASIDE * (middles - points)
-    covered = [winding_numbers(solid, (inset + side * aside).reshape(-1, 3)) > 0.5 for side in (1, -1)]
-    return points.reshape(-1, 3)[~(covered[0] & covered[1])]
 
 
 def winding_numbers(mesh: TriangleMesh, points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -397,7 +395,15 @@ def keep_part(state: RepairState) -> RepairState:
     areas = np.bincount(component_of, np.linalg.norm(mesh.face_vectors, axis=1) / 2)
     if len(areas) == 1:
         return state
-    part = _outermost(mesh, component_of, int(np.argmax(areas)))
+    # The component that the largest lies inside of, else itself: a folded inner shell may have more area
+    largest = int(np.argmax(areas))
+    order = np.argsort(component_of, kind="stable")
+    starts = np.searchsorted(component_of[order], np.arange(len(areas)))
+    ends = mesh.vertices[mesh.faces[order]]
+    low, high = (extreme.reduceat(extreme.reduce(ends, axis=1), starts) for extreme in (np.minimum, np.maximum))
+    round_it = np.flatnonzero(((low < low[largest]) & (high > high[largest])).all(axis=1))
+    holding = [k for k in round_it if _shares_inside(mesh, component_of, int(k))[largest] == 1]
+    part = int(max(holding, key=lambda k: np.prod(high[k] - low[k]), default=largest))
     corners = mesh.vertices - mesh.vertices.mean(axis=0)
     volumes = np.asarray(np.bincount(component_of, np.linalg.det(corners[mesh.faces]) / 6))
     # Which components have no open edge
@@ -419,25 +425,14 @@ def keep_part(state: RepairState) -> RepairState:
     if loose.any():
         share = areas[loose].max() / areas[part]
         place = _middle(mesh, component_of == np.argmax(np.where(loose, areas, 0.0)))
-        largest = "the largest " if loose.sum() > 1 else ""
+        which = "the largest " if loose.sum() > 1 else ""
         pieces = f"dropped {counted(int(loose.sum()), 'loose piece')} of at most {share:.2%} of the part's area"
-        state = state.keep(~loose[component_of], f"{pieces}, {largest}near {place_name(place)}", outside=True)
+        state = state.keep(~loose[component_of], f"{pieces}, {which}near {place_name(place)}", outside=True)
     if inner.any():
         enclosed = np.where(inner, closed * np.abs(volumes), -1.0)
         shells = _inner_shells(mesh, component_of, enclosed, inside)
         state = state.keep(~inner[component_of[~loose[component_of]]], shells)
     return state
-
-
-def _outermost(mesh: TriangleMesh, component_of: Int[ndarray, " m"], largest: int) -> int:
-    """The component that the largest lies inside of, else itself: a folded inner shell may have more area."""
-    order = np.argsort(component_of, kind="stable")
-    starts = np.searchsorted(component_of[order], np.arange(component_of.max() + 1))
-    corners = mesh.vertices[mesh.faces[order]]
-    low, high = (extreme.reduceat(extreme.reduce(corners, axis=1), starts) for extreme in (np.minimum, np.maximum))
-    round_it = np.flatnonzero(((low < low[largest]) & (high > high[largest])).all(axis=1))
-    holding = [k for k in round_it if _shares_inside(mesh, component_of, int(k))[largest] == 1]
-    return int(max(holding, key=lambda k: np.prod(high[k] - low[k]), default=largest))
 
 
 def _shares_inside(mesh: TriangleMesh, component_of: Int[ndarray, " m"], outer: int) -> Float[ndarray, " c"]:
@@ -484,10 +479,16 @@ of the 558 of a coarse talus turn less."""
 def resolve_junctions(state: RepairState) -> RepairState:
     """The surface of the part among faces that meet at edges of more than two; the mesh as it is where there are none,
     or the cells of its faces bound no closed surface."""
+    import igl.copyleft.cgal as cgal
+
     mesh = state.mesh
     if not (edges_of(mesh)[1] > 2).any() or len(self_intersections(mesh)):
         return state
-    cells = _cells(mesh)
+    # The cells in front and at the back of each face; 0 is the outside. An open edge leads from the one to the other
+    count, sides = cgal.extract_cells(np.array(mesh.vertices), mesh.faces.astype(np.int64))
+    ends = sides[_at_rim(mesh)].T
+    graph = sp.coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(count, count))
+    cells: Int[ndarray, "m 2"] = connected_components(graph, directed=False)[1][sides].astype(np.int64)
     part = _part_cells(mesh, cells)
     on_front, on_back = part[cells].T
     surface = on_front != on_back
@@ -495,7 +496,12 @@ def resolve_junctions(state: RepairState) -> RepairState:
     turned = (on_back if inward else on_front) & surface
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
     after = keep_faces(TriangleMesh(mesh.vertices, faces), surface)
-    if not surface.any() or (edges_of(after)[1] == 1).any() or _other_parts(mesh, cells, part):
+    # Whether a cell that is not of the part is no debris
+    areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
+    front, back = (np.bincount(side, areas, len(part)) for side in cells.T)
+    most = (front + back)[1:][~part[1:]].max(initial=0.0)
+    others = most > DEBRIS * areas[part[cells].any(axis=1)].sum()
+    if not surface.any() or (edges_of(after)[1] == 1).any() or others:
         return state
     if not surface.all():
         outside = ~part[cells].all(axis=1)
@@ -512,25 +518,6 @@ def resolve_junctions(state: RepairState) -> RepairState:
         told = [f"{what} near {place_name(_middle(mesh, some))}" for what, some in kinds.items() if some.any()]
         state = state.keep(surface, ", ".join(told), outside=outside)
     return state.then(after, *([f"turned {counted(int(turned.sum()), 'face')} round"] if turned.any() else []))
-
-
-def _other_parts(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[ndarray, " c"]) -> bool:
-    """Whether a cell that is not of the part is no debris."""
-    areas = np.linalg.norm(mesh.face_vectors, axis=1) / 2
-    front, back = (np.bincount(side, areas, len(part)) for side in cells.T)
-    others = (front + back)[1:][~part[1:]]
-    return bool(others.max(initial=0.0) > DEBRIS * areas[part[cells].any(axis=1)].sum())
-
-
-def _cells(mesh: TriangleMesh) -> Int[ndarray, "m 2"]:
-    """The cells in front and at the back of each face; 0 is the outside. An open edge leads from the one to the
-    other."""
-    import igl.copyleft.cgal as cgal
-
-    count, cells = cgal.extract_cells(np.array(mesh.vertices), mesh.faces.astype(np.int64))
-    front, back = cells[_at_rim(mesh)].T
-    graph = sp.coo_array((np.ones(len(front)), (front, back)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1][cells], dtype=np.int64)
 
 
 def _part_cells(mesh: TriangleMesh, cells: Int[ndarray, "m 2"]) -> Bool[ndarray, " c"]:
@@ -570,8 +557,11 @@ def _is_behind_wall(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[n
     if areas[of_cell].sum() > DEBRIS * areas[of_part].sum():
         return True
     outward = np.where(on_back | (~of_part & (cells[:, 1] == cell)), 1.0, -1.0)[:, None] * unit(mesh.face_vectors)
+    # The normal of one face of each kind at each of their edges
+    sides = np.sort(half_edges(mesh), axis=2)
     beside, below, over = (
-        _normals_at_edges(mesh, faces, outward) for faces in (of_part & ~shared, shared, of_cell & ~shared)
+        {(int(a), int(b)): normal for trio, normal in zip(sides[faces], outward[faces], strict=True) for a, b in trio}
+        for faces in (of_part & ~shared, shared, of_cell & ~shared)
     )
     rim = sorted(beside.keys() & below.keys() & over.keys())
     if not rim:
@@ -579,14 +569,6 @@ def _is_behind_wall(mesh: TriangleMesh, cells: Int[ndarray, "m 2"], part: Bool[n
     along, under, above = (np.array([normals[edge] for edge in rim]) for normals in (beside, below, over))
     without = float(dots(along, under).mean())
     return without < SMOOTH and without < float(dots(along, above).mean())
-
-
-def _normals_at_edges(
-    mesh: TriangleMesh, faces: Bool[ndarray, " m"], normals: Float[ndarray, "m 3"]
-) -> dict[tuple[int, int], ndarray]:
-    """The normal of one of these faces at each of their edges."""
-    sides = np.sort(half_edges(mesh)[faces], axis=2)
-    return {(int(a), int(b)): normal for trio, normal in zip(sides, normals[faces], strict=True) for a, b in trio}
 
 
 WIDEST_HOLE = 0.5

@@ -86,32 +86,22 @@ def nearest_centres(
         slot = np.where(again, np.argmin(apart, axis=1), np.argmax(reach, axis=1))
         feet[going, slot] = foot
         outward[going, slot] = normals[face]
-        centres = _allowed(points[going], tried[going], feet[going], outward[going], radius)
+        # The place nearest to each point in the half-spaces that the feet of its centre allow (an infinite one none);
+        # NaN where they exclude one another. A centre inside the part is led out along its normals
+        known = np.isfinite(feet[going, :, :1])
+        own = np.where(known, feet[going], 0.0)
+        back = tried[going][:, None] - own
+        far = np.linalg.norm(back, axis=2, keepdims=True)
+        side = np.where((back * outward[going]).sum(axis=2, keepdims=True) < 0, -1.0, 1.0)
+        ways = np.where(far > ACCURACY, side * back / np.maximum(far, ACCURACY), outward[going])
+        offsets = np.where(known[:, :, 0], (ways * own).sum(axis=2) + radius, -np.inf)
+        centres = np.asarray(project_on_half_spaces(points[going], ways, offsets, BEYOND * radius))
         on = lengths(centres - tried[going]) > ACCURACY  # false where there is none
         tried[going[on]] = centres[on]
         going = going[on]
         if not len(going):
             break
     return nearest
-
-
-def _allowed(
-    points: Float[ndarray, "n 3"],
-    centres: Float[ndarray, "n 3"],
-    feet: Float[ndarray, "n k 3"],
-    outward: Float[ndarray, "n k 3"],
-    radius: float,
-) -> Float[ndarray, "n 3"]:
-    """The place nearest to each point in the half-spaces that the `feet` of its centre allow (an infinite one none);
-    NaN where they exclude one another. `outward` are the normals of the part there: a centre inside it is led out."""
-    known = np.isfinite(feet[:, :, :1])
-    foot = np.where(known, feet, 0.0)
-    away = centres[:, None] - foot
-    distance = np.linalg.norm(away, axis=2, keepdims=True)
-    side = np.where((away * outward).sum(axis=2, keepdims=True) < 0, -1.0, 1.0)
-    normals = np.where(distance > ACCURACY, side * away / np.maximum(distance, ACCURACY), outward)
-    offsets = np.where(known[:, :, 0], (normals * foot).sum(axis=2) + radius, -np.inf)
-    return np.asarray(project_on_half_spaces(points, normals, offsets, BEYOND * radius))
 
 
 CHORD = 0.01
@@ -173,29 +163,26 @@ middle of their neighbours, as faces of the one before cut each other."""
 
 
 def cap_folds(
-    mesh: TriangleMesh,
-    hollow: Bool[ndarray, " v"],
-    onto_ball: Float[ndarray, "v 3"],
-    longest: float,
-    onto: Callable[[Float[ndarray, "n 3"]], Float[ndarray, "n 3"]],
+    mesh: TriangleMesh, hollow: Bool[ndarray, " v"], onto_ball: Float[ndarray, "v 3"], ball: Ball
 ) -> tuple[TriangleMesh, Int[ndarray, " k"]] | None:
     """The mesh with the vertices of a `hollow` moved to `onto_ball`, and with caps in place of the faces there that cut
-    each other then: as few of those round them as are needed, all of the hollow at most. `longest`, `onto` and what
-    comes back are those of `cap`."""
+    each other then: as few of those round them as are needed, all of the hollow at most. What comes
+    back is that of `cap`."""
+    onto = partial(ball.onto, both_ways=True)
     moved = TriangleMesh(np.where(hollow[:, None], onto_ball, mesh.vertices), mesh.faces)
     walls = hollow[mesh.faces].all(axis=1)
     out = np.zeros(len(walls), dtype=bool)
     out[self_intersections(moved)] = True
     out &= walls
     rings = 1
-    capped = cap(moved, out, longest, onto)
+    capped = cap(moved, out, ball.longest, onto)
     while capped is None and not (out == walls).all():
         before = out
         for _ in range(rings):
             out = walls & np.isin(mesh.faces, mesh.faces[out]).any(axis=1)
         if (out == before).all():
             break
-        capped = cap(moved, out, longest, onto)
+        capped = cap(moved, out, ball.longest, onto)
         rings *= 2
     return capped
 
@@ -330,8 +317,7 @@ def fill_pits(mesh: TriangleMesh, radius: float) -> Fill:
     filled = TriangleMesh(vertices, divided.faces)
     hollow_at, wanted = of_vertex, onto_ball
     for hollow in sorted(opened):
-        inside = partial(ball.onto, both_ways=True)
-        capped = cap_folds(filled, hollow_at == hollow, wanted, ball.longest, inside)
+        capped = cap_folds(filled, hollow_at == hollow, wanted, ball)
         if capped is not None:
             opened.remove(hollow)
             filled, old = capped

@@ -88,31 +88,24 @@ def enclosing_circle(points: Float[ndarray, "n 2"]) -> tuple[Float[ndarray, "2"]
         far = int(np.argmax(distances))
         if distances[far] <= radius * (1 + INSIDE) + np.finfo(float).eps * np.abs(points).max():
             return centre, radius
-        grown = _smallest_through(points, [*active, far])
-        if far in active or not radius < grown[2] < np.inf:
+        # The smallest circle round at most four points: through two or three of them
+        candidates = [*active, far]
+        chosen = points[candidates]
+        best: tuple[list[int], ndarray, float] = ([], chosen[0], np.inf)
+        count = len(candidates)
+        pairs = [[a, b] for a in range(count) for b in range(a + 1, count)]
+        for subset in pairs + [[a, b, c] for a, b in pairs for c in range(b + 1, count)]:
+            corners = chosen[subset]
+            system = 2 * (corners[1:] - corners[0])
+            if np.linalg.matrix_rank(system) < len(system):
+                continue
+            offset, *_ = np.linalg.lstsq(system, ((corners[1:] - corners[0]) ** 2).sum(1), rcond=None)
+            middle, size = corners[0] + offset, float(np.linalg.norm(offset))
+            if size < best[2] and (np.linalg.norm(chosen - middle, axis=1) <= size * (1 + THROUGH)).all():
+                best = [candidates[k] for k in subset], middle, size
+        if far in active or not radius < best[2] < np.inf:
             return centre, float(distances[far])
-        active, centre, radius = grown
-
-
-def _smallest_through(
-    points: Float[ndarray, "n 2"], candidates: list[int]
-) -> tuple[list[int], Float[ndarray, "2"], float]:
-    """The smallest circle round at most four candidate points: through two or three of them."""
-    chosen = points[candidates]
-    best: tuple[float, list[int], ndarray] = (np.inf, [], chosen[0])
-    count = len(candidates)
-    pairs = [[a, b] for a in range(count) for b in range(a + 1, count)]
-    for subset in pairs + [[a, b, c] for a, b in pairs for c in range(b + 1, count)]:
-        corners = chosen[subset]
-        system = 2 * (corners[1:] - corners[0])
-        if np.linalg.matrix_rank(system) < len(system):
-            continue
-        offset, *_ = np.linalg.lstsq(system, ((corners[1:] - corners[0]) ** 2).sum(1), rcond=None)
-        centre = corners[0] + offset
-        radius = float(np.linalg.norm(offset))
-        if radius < best[0] and (np.linalg.norm(chosen - centre, axis=1) <= radius * (1 + THROUGH)).all():
-            best = radius, [candidates[k] for k in subset], centre
-    return best[1], best[2], best[0]
+        active, centre, radius = best
 
 
 def rotation(x_deg: float, y_deg: float, z_deg: float) -> Float[ndarray, "3 3"]:

@@ -232,7 +232,14 @@ def harmonic_rows(
         starts[k] = nearest_on_loop(loops[k], starts[k - 1])[1]
     for k in range(middle - 1, -1, -1):
         starts[k] = nearest_on_loop(loops[k], starts[k + 1])[1]
-    guides = np.stack([equally_spaced(loop, start, points) for loop, start in zip(loops, starts)])
+    spaced = []
+    for loop, start in zip(loops, starts):
+        side, place = nearest_on_loop(loop, start)
+        chain = np.concatenate([[place], np.roll(loop, -(side + 1), axis=0), [place]])
+        along = lengths_along(chain)
+        places = along[-1] * np.arange(points) / points
+        spaced.append(np.stack([np.interp(places, along, chain[:, axis]) for axis in range(3)], axis=1))
+    guides = np.stack(spaced)
     chosen = guides[GUIDES - 1 :: GUIDES]
     on_mesh, _ = exact_closest(mesh, np.concatenate([chosen.reshape(-1, 3), even.vertices[poles]]))
     return Rows(
@@ -296,15 +303,6 @@ def nearest_on_loop(loop: Float[ndarray, "k 3"], point: Float[ndarray, "3"]) -> 
 def lengths_along(chain: Float[ndarray, "n d"]) -> Float[ndarray, " n"]:
     """Length along a chain up to each of its points."""
     return np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))]
-
-
-def equally_spaced(loop: Float[ndarray, "k 3"], start: Float[ndarray, "3"], points: int) -> Float[ndarray, "p 3"]:
-    """`points` points on a closed polygon at equal arc lengths from the place nearest to `start`."""
-    side, place = nearest_on_loop(loop, start)
-    chain = np.concatenate([[place], np.roll(loop, -(side + 1), axis=0), [place]])
-    along = lengths_along(chain)
-    wanted = along[-1] * np.arange(points) / points
-    return np.stack([np.interp(wanted, along, chain[:, axis]) for axis in range(3)], axis=1)
 
 
 MOST_CHOICES = 3

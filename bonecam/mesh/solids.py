@@ -172,7 +172,7 @@ def cylinder(radius: float, bottom: float, top: float, chord_tolerance: float) -
     return revolve(radii, heights, (bottom, top), around)
 
 
-def _band_faces(lower: ndarray, upper: ndarray) -> ndarray:
+def band_faces(lower: ndarray, upper: ndarray) -> ndarray:
     """Triangles (m, 3) between rings of vertices (r, around) and the rings above them."""
     a, b = lower.ravel(), np.roll(lower, -1, axis=1).ravel()
     c, d = np.roll(upper, -1, axis=1).ravel(), upper.ravel()
@@ -187,5 +187,5 @@ def ring_faces(rings: int, around: int) -> ndarray:
     upper_pole = lower_pole + 1
     bottom = np.column_stack([lower_pole, turned[0], index[0]])
     top = np.column_stack([upper_pole, index[-1], turned[-1]])
-    faces = np.vstack([_band_faces(index[:-1], index[1:]), bottom, top])
+    faces = np.vstack([band_faces(index[:-1], index[1:]), bottom, top])
     return faces.astype(np.int32)

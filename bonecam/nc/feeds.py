@@ -120,7 +120,20 @@ def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"], feed_at: str) -> F
     limit = limit[kept]
     feeds = np.minimum(asked, limit)
     steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
-    feeds = _even(feeds, np.minimum(feeds, FLOOR * asked), steps, path)
+
+    # lowered, not below their floors, so that they change evenly along each pass
+    rise = (FEED_PER_MM * path.cutter.feed * np.maximum(steps, np.r_[0.0, steps[:-1]])).tolist()
+    follows = _follows(path).tolist()
+    even, least = feeds.tolist(), np.minimum(feeds, FLOOR * asked).tolist()
+    for row in range(1, len(even)):
+        if follows[row]:
+            near = min(even[row - 1] + rise[row], LARGEST_RATIO * even[row - 1])
+            even[row] = min(even[row], max(near, least[row]))
+    for row in range(len(even) - 1, 0, -1):
+        if follows[row]:
+            near = min(even[row] + rise[row], LARGEST_RATIO * even[row])
+            even[row - 1] = min(even[row - 1], max(near, least[row - 1]))
+    feeds = np.array(even)
 
     # rounded down: a feed that is rounded up is beyond the axis again
     if posted.dialect.feed_mode == "per-minute":
@@ -155,25 +168,6 @@ def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
         ratio = tip_ways[follows] / np.maximum(contact_ways[follows], posted.dialect.numbers.length.step)
         ratios[follows] = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
     return ratios
-
-
-def _even(
-    feeds: Float[ndarray, "n"], floors: Float[ndarray, "n"], steps: Float[ndarray, "n"], path: ToolPath
-) -> Float[ndarray, "n"]:
-    """Feeds lowered, not below their `floors`, so that they change evenly along each pass; `steps` (mm) are the lengths
-    of the moves."""
-    rise = (FEED_PER_MM * path.cutter.feed * np.maximum(steps, np.r_[0.0, steps[:-1]])).tolist()
-    follows = _follows(path).tolist()
-    even, least = feeds.tolist(), floors.tolist()
-    for row in range(1, len(even)):
-        if follows[row]:
-            near = min(even[row - 1] + rise[row], LARGEST_RATIO * even[row - 1])
-            even[row] = min(even[row], max(near, least[row]))
-    for row in range(len(even) - 1, 0, -1):
-        if follows[row]:
-            near = min(even[row] + rise[row], LARGEST_RATIO * even[row])
-            even[row - 1] = min(even[row - 1], max(near, least[row - 1]))
-    return np.array(even)
 
 
 def _follows(path: ToolPath) -> Bool[ndarray, "n"]:

@@ -106,11 +106,22 @@ def start_words(
 
 def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> tuple[Float[ndarray, "5 2"], Float[ndarray, "3"]]:
     """Lowest and highest value of every axis in a program: X, Y, Z of the spindle nose in mm, rotary axes in degrees,
-    unwound; and where every tool is to start, X, Y and Z of its tip in the machine's frame (mm): above everything that
-    the program does. MachineError with axis, value, limit and level where the spindle nose leaves its limits or the
-    program its travel."""
-    start = _starting_point(machine, job, paths)
-    retract = float(start[2])
+    unwound; and where every tool is to start, X, Y and Z of its tip in the machine's frame (mm): over the program's
+    zero, or, where the part's Z does not stand upright with all rotary axes at zero, over its place as far from the
+    table as any approach: over zero the spindle would stand across the table's plane. The height is above everything
+    the program does, and above table and chuck, whatever the rotary axes do meanwhile. MachineError with axis, value,
+    limit and level where the spindle nose leaves its limits or the program its travel."""
+    tips = [posted.control.poses(in_radians(posted.approaches))[0] for posted in paths]
+    farthest = max(float(each[:, 2].max()) for each in tips)
+    over = machine.in_machine(np.array([[0.0, 0.0, farthest]]))[0] + machine.part_zero
+    approaches = [joints_and_lengths(posted.control, posted.approaches)[0] for posted in paths]
+    heights = [joints[:, 2].max() for joints in approaches]
+    if machine.part_axes:
+        pivot = np.array(machine.part_axes[-1].pivot)
+        # while the table swings under the tool, the part sweeps at most this ball about the pivot
+        reach = [lengths(posted.joints[:, :3] - pivot).max() for posted in paths]
+        heights.append(pivot[2] + max(*reach, table_reach(machine, job)))
+    start = np.array([over[0], over[1], np.ceil(max(heights) + APPROACH_HEIGHT)])
     ranges = np.column_stack([np.full(5, np.inf), np.full(5, -np.inf)])
     for posted in paths:
         dialect, control = posted.dialect, posted.control
@@ -119,17 +130,27 @@ def travel_of(machine: Machine, job: Job, paths: Sequence[Posted]) -> tuple[Floa
         ]
         more, _ = joints_and_lengths(control, np.vstack([posted.approaches, *starts]))
         # what the template that moves a tool over zero does not say is that of the first joints
-        over = [[*start, *posted.joints[0, 3:]]] if "{over_zero}" in dialect.templates.tool else more[:0]
-        nose = np.vstack([posted.joints, more, over])
+        first = [[*start, *posted.joints[0, 3:]]] if "{over_zero}" in dialect.templates.tool else more[:0]
+        nose = np.vstack([posted.joints, more, first])
         nose[:, 3:] = np.degrees(nose[:, 3:])
         nose[:, 2] += control.tool_length
         for column, axis in enumerate(machine.linear):
             _check_limits(axis.letter, axis.limits, nose[:, column], posted, machine)
         lift = control.tool_length if dialect.templates.lift else 0.0
-        top = np.array([[-np.inf] * 2 + [retract + control.tool_length + lift] + [-np.inf] * 2])
+        top = np.array([[-np.inf] * 2 + [float(start[2]) + control.tool_length + lift] + [-np.inf] * 2])
         ranges[:, 0] = np.minimum(ranges[:, 0], nose.min(0))
         ranges[:, 1] = np.maximum(ranges[:, 1], np.vstack([nose, top]).max(0))
-        _check_travel(machine, ranges, posted.path.level)
+        level = posted.path.level
+        for axis, (low, high) in zip(machine.linear, ranges.tolist(), strict=False):
+            if high - low > axis.travel:
+                raise MachineError(
+                    f"level {level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
+                    f"of {machine.title}: take a machine with more travel, a shorter tool, post or part",
+                    axis=axis.letter,
+                    value=high - low,
+                    limit=axis.travel,
+                    level=level,
+                )
     return ranges, start
 
 
@@ -158,24 +179,6 @@ def _raised(posted: Posted, words: Float[ndarray, "1 5"], height: float, more: f
     return np.asarray(round_words(posted.dialect, posted.control, tips + lift * axes, radians[:, 3:])[0])
 
 
-def _starting_point(machine: Machine, job: Job, paths: Sequence[Posted]) -> Float[ndarray, "3"]:
-    """Where tools start: over the program's zero, or, where the part's Z does not stand upright with all rotary axes at
-    zero, over its place as far from the table as any approach: over zero the spindle would stand across the table's
-    plane. The height is above everything the program does, and above table and chuck, whatever the rotary axes do
-    meanwhile."""
-    tips = [posted.control.poses(in_radians(posted.approaches))[0] for posted in paths]
-    farthest = max(float(each[:, 2].max()) for each in tips)
-    over = machine.in_machine(np.array([[0.0, 0.0, farthest]]))[0] + machine.part_zero
-    approaches = [joints_and_lengths(posted.control, posted.approaches)[0] for posted in paths]
-    heights = [joints[:, 2].max() for joints in approaches]
-    if machine.part_axes:
-        pivot = np.array(machine.part_axes[-1].pivot)
-        # while the table swings under the tool, the part sweeps at most this ball about the pivot
-        reach = [lengths(posted.joints[:, :3] - pivot).max() for posted in paths]
-        heights.append(pivot[2] + max(*reach, table_reach(machine, job)))
-    return np.array([over[0], over[1], np.ceil(max(heights) + APPROACH_HEIGHT)])
-
-
 def table_reach(machine: Machine, job: Job) -> float:
     """The farthest that table, chuck and what else stands there reach from the pivot about which they swing under the
     tool, mm, as far as they are known."""
@@ -192,20 +195,6 @@ def table_reach(machine: Machine, job: Job) -> float:
     zero = np.array(machine.part_zero) - pivot
     up = machine.in_machine(np.array([[0.0, 0.0, 1.0]]))[0]
     return max(float(np.linalg.norm(zero + high * up)) + radius for high, radius in edges if np.isfinite(radius))
-
-
-def _check_travel(machine: Machine, ranges: Float[ndarray, "5 2"], level: int) -> None:
-    """MachineError where a linear axis runs over more than its travel."""
-    for axis, (low, high) in zip(machine.linear, ranges.tolist(), strict=False):
-        if high - low > axis.travel:
-            raise MachineError(
-                f"level {level}: {axis.letter} runs over {high - low:.1f} mm, travel {axis.travel:.1f} mm "
-                f"of {machine.title}: take a machine with more travel, a shorter tool, post or part",
-                axis=axis.letter,
-                value=high - low,
-                limit=axis.travel,
-                level=level,
-            )
 
 
 def _check_limits(letter: str, limits: tuple[float, float], nose: ndarray, posted: Posted, machine: Machine) -> None:
@@ -303,31 +292,39 @@ def air_check_texts(control: Control, dialect: Dialect, top: float) -> list[str]
     machine = control.machine
     # The rotary joints (rad) at which the check begins
     start = np.array([turn_of(axis)[0] for axis in machine.rotary])
+    # How the tool stands to the table before an axis turns
+    tilt = np.degrees(np.arccos(np.clip(tool_axes(machine, start[None])[0, 2], -1.0, 1.0)))
+    stands = "square to the table" if tilt < 1e-3 else f"{tilt:.3f} degrees from square to the table"
+    at = " and ".join(f"{axis.letter} {_degrees(turn_of(axis)[0])}" for axis in machine.own_rotary)
+    along = ""
+    frame = _part_frame(machine, start)
+    if np.allclose(frame, np.eye(3), atol=1e-9):
+        along = ", X+ of the blank towards X+"
+    elif not machine.stands:
+        along = f", X+ of the blank towards {_words_of(frame[0])}, its Z+ towards {_words_of(frame[2])}"
     # that along the spindle last: on a head it is seen by the tilt of the other
     tilting_first = sorted(machine.own_rotary, key=lambda axis: abs(axis.direction[2]) > ALONG_SPINDLE)
+    # Words that keep the tip on one place over the program's zero as each axis turns: a pivot or an offset that is not
+    # the machine file's shows as a way of the tip. Poses beyond a limit of the spindle nose are left out
+    places = []
+    if not control.tool_centre:
+        height = float(np.ceil(top + ABOVE))
+        angles = [start, *(_turned(machine, start, axis) for axis in machine.own_rotary)]
+        words = control.words(np.tile([0.0, 0.0, height], (len(angles), 1)), np.array(angles))
+        nose = words[:, :3] + [0.0, 0.0, control.tool_length]
+        low, high = np.array([axis.limits for axis in machine.linear]).T
+        reached = np.all((nose >= low) & (nose <= high), axis=1)
+        words[:, 3:] = np.degrees(words[:, 3:])
+        same = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
+        places = [same, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
     return [
         "tool in the spindle, retracted, tool-centre control off, each axis driven by hand and back",
         "X+, Y+, Z+ are where the tool goes over the table as X, Y, Z grow",
         "marks on the table are watched from its middle",
-        _square_text(machine, start),
+        f"at {at} the tool must stand {stands}{along}",
         *(text for axis in tilting_first for text in _turn_texts(machine, axis, start)),
-        *([] if control.tool_centre else _place_texts(control, dialect, start, float(np.ceil(top + ABOVE)))),
+        *places,
     ]
-
-
-def _place_texts(control: Control, dialect: Dialect, start: Float[ndarray, "2"], height: float) -> list[str]:
-    """Words that keep the tip on one place, `height` (mm) over the program's zero, as each axis turns: a pivot or an
-    offset that is not the machine file's shows as a way of the tip. Poses beyond a limit of the spindle nose are left
-    out."""
-    machine = control.machine
-    angles = [start, *(_turned(machine, start, axis) for axis in machine.own_rotary)]
-    words = control.words(np.tile([0.0, 0.0, height], (len(angles), 1)), np.array(angles))
-    nose = words[:, :3] + [0.0, 0.0, control.tool_length]
-    low, high = np.array([axis.limits for axis in machine.linear]).T
-    reached = np.all((nose >= low) & (nose <= high), axis=1)
-    words[:, 3:] = np.degrees(words[:, 3:])
-    message = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
-    return [message, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
 
 
 def turn_of(axis: RotaryAxis) -> tuple[float, float]:
@@ -365,20 +362,6 @@ def _part_frame(machine: Machine, rotary: Float[ndarray, "2"]) -> Float[ndarray,
 def _tip_direction(machine: Machine, rotary: Float[ndarray, "2"]) -> Float[ndarray, "3"]:
     """The direction from the spindle to the tip in the machine's frame."""
     return -_in_machine(machine, tool_axes(machine, rotary[None]), rotary)[0]
-
-
-def _square_text(machine: Machine, start: Float[ndarray, "2"]) -> str:
-    """How the tool stands to the table before an axis turns."""
-    tilt = np.degrees(np.arccos(np.clip(tool_axes(machine, start[None])[0, 2], -1.0, 1.0)))
-    stands = "square to the table" if tilt < 1e-3 else f"{tilt:.3f} degrees from square to the table"
-    at = " and ".join(f"{axis.letter} {_degrees(turn_of(axis)[0])}" for axis in machine.own_rotary)
-    along = ""
-    frame = _part_frame(machine, start)
-    if np.allclose(frame, np.eye(3), atol=1e-9):
-        along = ", X+ of the blank towards X+"
-    elif not machine.stands:
-        along = f", X+ of the blank towards {_words_of(frame[0])}, its Z+ towards {_words_of(frame[2])}"
-    return f"at {at} the tool must stand {stands}{along}"
 
 
 def _turn_texts(machine: Machine, axis: RotaryAxis, start: Float[ndarray, "2"]) -> list[str]:
@@ -622,6 +605,16 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
     rapids = "rapids: the control must drive them straight, all axes arriving together"
     if not dialect.straight_rapids:
         rapids = "rapids: only above the part, elsewhere feeds, as the control may bend them"
+    # The bodies of the machine that the paths were kept clear of
+    nose = ", ".join(
+        f"{piece.length:.0f} mm of diameter {max(piece.diameter, piece.top_diameter):.0f}" for piece in machine.nose
+    )
+    table = machine.table
+    size = "of any size"
+    if math.isfinite(table.radius):
+        size = f"of diameter {2 * table.radius:.0f}"
+    elif math.isfinite(table.half_width):
+        size = f"of {2 * table.half_width:.0f} x {2 * table.half_depth:.0f}"
     return [
         *(f"needs: {_of_machine(need, machine)}" for need in dialect.needs),
         f"programmed point: {point} {where}",
@@ -629,7 +622,7 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
         *(VECTOR if dialect.vector else []),
         *(_of_machine(note, machine) for note in notes),
         rapids,
-        *_body_texts(machine),
+        f"kept clear of: a spindle nose of {nose or 'no known size'}; a table {size} mm",
     ]
 
 
@@ -648,20 +641,6 @@ def _of_machine(text: str, machine: Machine) -> str:
     return text
 
 
-def _body_texts(machine: Machine) -> list[str]:
-    """The bodies of the machine that the paths were kept clear of."""
-    nose = ", ".join(
-        f"{piece.length:.0f} mm of diameter {max(piece.diameter, piece.top_diameter):.0f}" for piece in machine.nose
-    )
-    table = machine.table
-    size = "of any size"
-    if math.isfinite(table.radius):
-        size = f"of diameter {2 * table.radius:.0f}"
-    elif math.isfinite(table.half_width):
-        size = f"of {2 * table.half_width:.0f} x {2 * table.half_depth:.0f}"
-    return [f"kept clear of: a spindle nose of {nose or 'no known size'}; a table {size} mm"]
-
-
 def axis_texts(machine: Machine, ranges: Float[ndarray, "5 2"], dialect: Dialect) -> list[str]:
     """The room that the program takes by the `ranges` of its axes, and how endless axes are written."""
     linear = ", ".join(
@@ -672,26 +651,26 @@ def axis_texts(machine: Machine, ranges: Float[ndarray, "5 2"], dialect: Dialect
         f"{axis.letter} {low:+.3f} to {high:+.3f}"
         for axis, (low, high) in zip(machine.own_rotary, ranges[3:].tolist(), strict=False)
     )
+    # How the words of an endless axis are written, and what the control must do with them
+    block = f" under {dialect.endless_block}" if dialect.endless_block else ""
+    endless = []
+    for letter in (axis.letter for axis in machine.rotary if axis.endless):
+        if dialect.endless_words == "wrapped":
+            lowest = f"{dialect.endless_from_deg:.0f}..{dialect.endless_from_deg + 360:.0f}"
+            form = f" as {dialect.endless_word.format(letter=letter, number='')}" if dialect.has_own_form else ""
+            endless += [
+                f"{letter} words: wrapped to {lowest}{form}{block}, the control takes the short way",
+                f"{letter} must be a modulo axis, its display reduced to 360 degrees",
+            ]
+        else:
+            endless += [
+                f"{letter} words: wound up over many turns{block}, the control drives them as they are",
+                f"{letter} must not be a modulo axis, its display not reduced to 360 degrees",
+            ]
     return [
         f"travel, mm: {linear}, pivots and tool lengths as assumed",
         f"rotary axes, degrees unwound: {rotary}",
-        *(text for axis in machine.rotary if axis.endless for text in _endless_texts(axis.letter, dialect)),
-    ]
-
-
-def _endless_texts(letter: str, dialect: Dialect) -> list[str]:
-    """How the words of an endless axis are written, and what the control must do with them."""
-    block = f" under {dialect.endless_block}" if dialect.endless_block else ""
-    if dialect.endless_words == "wrapped":
-        lowest = f"{dialect.endless_from_deg:.0f}..{dialect.endless_from_deg + 360:.0f}"
-        form = f" as {dialect.endless_word.format(letter=letter, number='')}" if dialect.has_own_form else ""
-        return [
-            f"{letter} words: wrapped to {lowest}{form}{block}, the control takes the short way",
-            f"{letter} must be a modulo axis, its display reduced to 360 degrees",
-        ]
-    return [
-        f"{letter} words: wound up over many turns{block}, the control drives them as they are",
-        f"{letter} must not be a modulo axis, its display not reduced to 360 degrees",
+        *endless,
     ]
 
 

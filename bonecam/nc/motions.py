@@ -577,7 +577,14 @@ class ModalState:
         self.stated.check("".join(words), self.tool_centre, line)
         for letter, value in words.items():
             column = self.machine.letters.index(letter)
-            self.position[column] = self._reached(column, value, line)
+            if column >= 3 and self.machine.rotary[column - 3].endless:
+                axis, stood, placed = (
+                    self.machine.rotary[column - 3],
+                    self.position[column],
+                    None not in self.position[:3],
+                )
+                value = self.endless.reached(axis, value, stood, moves_tip=placed, line=line)
+            self.position[column] = value
         self.blocks += 1
         if not self.tool:
             raise line_error(line, "a move before any tool call")
@@ -587,7 +594,14 @@ class ModalState:
         self.retracted &= self.position[2] is None
         self.partial.append(PartialMove(line, self.tool, self._joints(words)))
         if any(letter in "XYZ" for letter in words):
-            self._check_linear(rapid and "Z" not in words and before[2] is None, line)
+            # a rapid, and nothing but the retracted spindle is known: then it is not known where the tip stands
+            across = rapid and "Z" not in words and before[2] is None
+            if not across and self.length_of != self.tool:
+                raise line_error(line, f"tool {self.tool} moves without its length")
+            if self.dialect.tool_centre and not self.tool_centre:
+                if not across:
+                    raise line_error(line, "X, Y, Z are programmed without tool-centre control")
+                self.forget_tip()
         if not rapid and not feed > 0:
             raise line_error(line, "a cutting move without feed")
         check_range(self.dialect.numbers, words if rapid else {**words, "F": feed}, line)
@@ -600,14 +614,6 @@ class ModalState:
             held = self.turns * self.speed, self.coolant, self.tolerance
             self.rows.append((*numbers, rapid, rate, *modes, *held))
 
-    def _reached(self, column: int, value: float, line: int) -> float:
-        """Where an axis (mm, degrees) stands after its word."""
-        if column < 3 or not self.machine.rotary[column - 3].endless:
-            return value
-        axis = self.machine.rotary[column - 3]
-        moves_tip = None not in self.position[:3]
-        return self.endless.reached(axis, value, self.position[column], moves_tip=moves_tip, line=line)
-
     def _joints(self, words: dict[str, float]) -> tuple[float, ...]:
         """The axes (mm of the spindle nose, degrees) that a move leads to known places by its words alone, NaN for
         others: under tool-centre control no linear one."""
@@ -619,16 +625,6 @@ class ModalState:
             joints[column] = words.get(letter, np.nan) + zero[column]
         joints[2] += self.tools[self.tool].length
         return tuple(joints)
-
-    def _check_linear(self, across: bool, line: int) -> None:
-        """ProgramError where X, Y or Z move without the modes that they need; `across`: rapid, and nothing but the
-        retracted spindle is known. Then it is not known where the tip stands in the part."""
-        if not across and self.length_of != self.tool:
-            raise line_error(line, f"tool {self.tool} moves without its length")
-        if self.dialect.tool_centre and not self.tool_centre:
-            if not across:
-                raise line_error(line, "X, Y, Z are programmed without tool-centre control")
-            self.forget_tip()
 
     def run_full_moves(self, lines: Sequence[str], start: int, ordinal: int) -> tuple[int, int]:
         """Run the blocks from lines[start] on that have all five words, all at once, and the marks between them;
@@ -666,21 +662,18 @@ class ModalState:
         count = int(np.argmax(doubtful)) if doubtful.any() else len(doubtful)
         if not count:
             return 0, ordinal
-        self._take(moves.first(count), start + 1)
-        return int(moves.offsets[count - 1]) + 1, int(moves.ordinals[count - 1]) + 1
-
-    def _take(self, blocks: Blocks, line: int) -> None:
-        count = len(blocks.rapid)
+        blocks = moves.first(count)
         modes = self.tool, True, self.turns * self.speed, self.coolant, self.tolerance
         tool, known, *held = (np.full(count, float(mode)) for mode in modes)
-        moves = blocks.words, blocks.rapid, blocks.feeds, np.full(count, self.inverse_time)
-        columns = [*moves, line + blocks.offsets, tool, known, blocks.links, *held]
+        first = blocks.words, blocks.rapid, blocks.feeds, np.full(count, self.inverse_time)
+        columns = [*first, start + 1 + blocks.offsets, tool, known, blocks.links, *held]
         self.tables += [self._table(), np.column_stack(columns)]
         self.rows = []
         self.linking = bool(blocks.links[-1])
         self.feed = float(blocks.modal[-1])
         self.position = [float(value) for value in blocks.words[-1]]
         self.blocks += count
+        return int(blocks.offsets[-1]) + 1, int(blocks.ordinals[-1]) + 1
 
     def _table(self) -> ndarray:
         return np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)

@@ -17,7 +17,7 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
-from bonecam.errors import FileError, ProgramError
+from bonecam.errors import ProgramError, file_error
 from bonecam.files import input_text, required_text
 from bonecam.job import NcJob, field_error
 from bonecam.nc.dialect import Dialect
@@ -132,8 +132,7 @@ def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict
     calls = dialect.calls
     others = (_owners(place, dialect) or set()) - {program.name}
     if others:
-        what = f"{place}: it is a part of {min(others)}"
-        raise FileError(f"{what}: give another name, or another folder", file=str(place))
+        raise file_error(place, f"it is a part of {min(others)}", "give another name, or another folder")
     lines = unnumbered(program.text.removesuffix("\n").split("\n"), dialect)
     starts = [at for at, line in enumerate(lines) if mark_in(line, dialect)]
     if not starts or calls is None:
@@ -146,23 +145,13 @@ def program_files(program: Program, dialect: Dialect, place: str | Path) -> dict
         begin, ends = calls.wrapping(fields)
         caller.append(calls.call.format(**fields))
         file = place.with_name(str(fields["file"]))
-        _check_own(file, program.name, dialect)
+        owners = _owners(file, dialect)
+        if owners is not None and owners != {program.name}:
+            content = f"a part of {min(owners)}" if owners else "no part of a program"
+            what = f"it is there, and {content}, but has the name of a part of {program.name}"
+            raise file_error(file, what, "move it away, or give another nc.program_number, or another folder")
         texts[file] = number_blocks([*begin, *lines[first:last], *ends], dialect)[0]
     return {place: number_blocks([*caller, *lines[end:]], dialect)[0], **texts}
-
-
-def stale_parts(program: Program, dialect: Dialect, place: str | Path) -> list[Path]:
-    """The files beside that at `place` that are parts of an older program of this name, and that the new one, which has
-    fewer, does not call: a person might run them."""
-    found = list[Path]()
-    for part in count(part_count(program.text) + 1):
-        if dialect.calls is None:
-            break
-        file = Path(place).with_name(str(part_fields(dialect.calls, program, part)["file"]))
-        if _owners(file, dialect) != {program.name}:
-            break
-        found.append(file)
-    return found
 
 
 def write_program_files(program: Program, dialect: Dialect, place: str | Path) -> None:
@@ -182,7 +171,13 @@ def stage_program_files(staging: Staging, programs: Mapping[Path, Program], dial
     for file, text in texts.items():
         staging.write(file, text)
     for place, program in programs.items():
-        for file in stale_parts(program, dialect, place):
+        # parts of an older program of this name that the new one, which has fewer, does not call: they might be run
+        for part in count(part_count(program.text) + 1):
+            if dialect.calls is None:
+                break
+            file = place.with_name(str(part_fields(dialect.calls, program, part)["file"]))
+            if _owners(file, dialect) != {program.name}:
+                break
             if file not in texts:
                 staging.remove(file)
 
@@ -190,8 +185,8 @@ def stage_program_files(staging: Staging, programs: Mapping[Path, Program], dial
 def check_apart(first: Iterable[Path], second: Iterable[Path]) -> None:
     """FileError where the programs of two clampings have a file of the same name, by their numbers."""
     for file in sorted({*first} & {*second}):
-        what = f"{file}: both clampings have a part of this name"
-        raise FileError(f"{what}: give another nc.program_number, or another name", file=str(file))
+        what = "both clampings have a part of this name"
+        raise file_error(file, what, "give another nc.program_number, or another name")
 
 
 def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str | int]:
@@ -202,16 +197,6 @@ def part_fields(calls: CallsTable, program: Program, part: int) -> dict[str, str
     name = f"{program.name}_{part}"
     fields: dict[str, str | int] = {"name": name, "lower": name.lower(), "number": number}
     return {**fields, "file": calls.file.format(**fields)}
-
-
-def _check_own(file: Path, caller: str, dialect: Dialect) -> None:
-    """FileError where a file is there that is no part of this program."""
-    owners = _owners(file, dialect)
-    if owners is not None and owners != {caller}:
-        content = f"a part of {min(owners)}" if owners else "no part of a program"
-        what = f"{file}: it is there, and {content}, but has the name of a part of {caller}"
-        remedy = "move it away, or give another nc.program_number, or another folder"
-        raise FileError(f"{what}: {remedy}", file=str(file))
 
 
 def _owners(file: Path, dialect: Dialect) -> set[str] | None:
@@ -263,7 +248,15 @@ def joined(program: Path, dialect: Dialect) -> Joined:
             origins.append((program, at))
             continue
         file = program.with_name(str(fields["file"]))
-        first, inner = _inner(file, fields, calls, dialect)
+        # the lines of the called file between how it begins and how it ends
+        own = required_text(file, "a part of an NC program")
+        bare = unnumbered(own.split("\n"), dialect)
+        begin, end = calls.wrapping(fields)
+        inner = bare[len(begin) : len(bare) - len(end) - 1]
+        if bare != [*begin, *inner, *end, ""] or not inner:
+            wanted = f"begin with {begin[0]!r} and " if begin else ""
+            raise ProgramError(f"{file}: a called program must {wanted}end with {end[-1]!r}: write it again", line=0)
+        _check_numbers(own, bare, file, dialect)
         part += 1
         mark, parts = mark_in(inner[0], dialect), sum(map(bool, called))
         content = f"part {mark.part} of {mark.parts} of {mark.caller}" if mark else "none of its parts"
@@ -271,23 +264,10 @@ def joined(program: Path, dialect: Dialect) -> Joined:
             what = f"{file}: it is {content}, called as part {part} of {parts}"
             raise ProgramError(f"{what}: write caller and parts again", line=0)
         whole += inner
-        origins += [(file, first + offset) for offset in range(len(inner))]
+        origins += [(file, len(begin) + 1 + offset) for offset in range(len(inner))]
     ended = whole[-1] == ""
     numbered = number_blocks(whole[:-1] if ended else whole, dialect)[0]
     return Joined(numbered if ended else numbered.removesuffix("\n"), tuple(origins))
-
-
-def _inner(file: Path, fields: dict[str, str | int], calls: CallsTable, dialect: Dialect) -> tuple[int, list[str]]:
-    """The first line (from 1) of a called file between how it begins and how it ends, and these lines."""
-    text = required_text(file, "a part of an NC program")
-    lines = unnumbered(text.split("\n"), dialect)
-    begin, end = calls.wrapping(fields)
-    inner = lines[len(begin) : len(lines) - len(end) - 1]
-    if lines != [*begin, *inner, *end, ""] or not inner:
-        wanted = f"begin with {begin[0]!r} and " if begin else ""
-        raise ProgramError(f"{file}: a called program must {wanted}end with {end[-1]!r}: write it again", line=0)
-    _check_numbers(text, lines, file, dialect)
-    return len(begin) + 1, inner
 
 
 def _check_numbers(text: str, lines: list[str], file: Path, dialect: Dialect) -> None:

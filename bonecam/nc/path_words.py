@@ -417,7 +417,16 @@ def row_blocks(posted: Posted, run: tuple[int, int], machine: Machine, dialect: 
     """The blocks of the moves of a run, one a row of its words, and its marks."""
     rows = slice(*run)
     kinds = posted.moves.kinds[rows]
-    rates = dialect.numbers.feed.rounded_down(_rates(posted, rows))
+    # the feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)
+    feeds = posted.moves.feed_rates[rows]
+    if posted.dialect.feed_mode != "per-minute":
+        length = posted.lengths[rows].copy()
+        length[0] = 0.0
+        with np.errstate(divide="ignore"):
+            by_length = feeds / length
+            by_axes = 1 / posted.minutes[rows]
+        feeds = np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)
+    rates = dialect.numbers.feed.rounded_down(feeds)
     # the first row of a run is reached along the tool axis from the approach height
     fast = (kinds == MoveKind.RAPID) & dialect.straight_rapids
     fast[0] = dialect.straight_rapids or not dialect.tool_centre
@@ -450,19 +459,6 @@ def _blocks(words: MoveWords, rates: Float[ndarray, "n"], fast: Bool[ndarray, "n
     ]
 
 
-def _rates(posted: Posted, rows: slice) -> Float[ndarray, "n"]:
-    """The feed of each move as the dialect writes it: mm/min, or 1/min (inverse time)."""
-    moves = posted.moves
-    if posted.dialect.feed_mode == "per-minute":
-        return moves.feed_rates[rows]
-    length = posted.lengths[rows].copy()
-    length[0] = 0.0
-    with np.errstate(divide="ignore"):
-        by_length = moves.feed_rates[rows] / length
-        by_axes = 1 / posted.minutes[rows]
-    return np.where(posted.by_turn[rows] | (length == 0.0), np.minimum(by_length, by_axes), by_length)
-
-
 FINE = np.radians(10.0)
 """A joint turns by no more between the places at which limits are asked, rad: as in the feed moves of a program."""
 FINEST = 12
@@ -478,7 +474,21 @@ def lift_places(
     there: row i + f is f on the way from row i to the next. MachineError where the axes come to their limits and no
     lift helps."""
     is_cut = (kinds[:-1] == MoveKind.CUT) & (kinds[1:] == MoveKind.CUT)
-    fine = _fine_places(machine, axes, kinds)
+
+    # The rows and, on the moves but rapids of a machine with limits on turns, so many places between them that no joint
+    # turns by more than FINE: beside the pole the axes turn round between two rows
+    fine = np.arange(len(axes), dtype=np.float64)
+    bounded = np.array([axis.bounded for axis in machine.rotary])
+    for _ in range(FINEST if any(axis.has_choice for axis in machine.rotary) else 0):
+        turned = _axes_at(axes, fine)
+        change = np.diff(inverse_rotary(machine, turned)[0][:, :, bounded], axis=0)
+        wide = np.abs(_wrapped(change)).max(axis=(1, 2)) > FINE
+        wide &= lengths(np.diff(turned, axis=0)) > POLE_PASS
+        wide &= kinds[np.floor(fine[:-1]).astype(np.int64) + 1] != MoveKind.RAPID
+        if not wide.any():
+            break
+        fine = np.sort(np.r_[fine, (fine[:-1] + fine[1:])[wide] / 2])
+
     at_limits = _at_limits(machine, axes, fine, is_cut)
     # where the tool comes back to the place that it leaves, the place follows itself
     twice = np.r_[np.flatnonzero(is_cut), at_limits]
@@ -506,23 +516,6 @@ def _axes_at(axes: Float[ndarray, "n 3"], places: Float[ndarray, " k"]) -> Float
     """The unit axes at places of a path."""
     row = np.minimum(np.floor(places), len(axes) - 2).astype(np.int64)
     return between(axes, axes, 0.0, row, places - row)[1]
-
-
-def _fine_places(machine: Machine, axes: Float[ndarray, "n 3"], kinds: Int[ndarray, "n"]) -> Float[ndarray, " k"]:
-    """The rows of a path and, on the moves but rapids of a machine with limits on turns, so many places between them
-    that no joint turns by more than FINE: beside the pole the axes turn round between two rows."""
-    places = np.arange(len(axes), dtype=np.float64)
-    bounded = np.array([axis.bounded for axis in machine.rotary])
-    for _ in range(FINEST if any(axis.has_choice for axis in machine.rotary) else 0):
-        turned = _axes_at(axes, places)
-        change = np.diff(inverse_rotary(machine, turned)[0][:, :, bounded], axis=0)
-        wide = np.abs(_wrapped(change)).max(axis=(1, 2)) > FINE
-        wide &= lengths(np.diff(turned, axis=0)) > POLE_PASS
-        wide &= kinds[np.floor(places[:-1]).astype(np.int64) + 1] != MoveKind.RAPID
-        if not wide.any():
-            break
-        places = np.sort(np.r_[places, (places[:-1] + places[1:])[wide] / 2])
-    return places
 
 
 def _at_limits(

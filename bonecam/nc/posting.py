@@ -16,6 +16,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -199,8 +200,18 @@ def write_program(
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
     ranges, start = travel_of(machine, job, posted)
     time = program_time(posted, start, job)
-    writer = ProgramWriter(machine, dialect, job, name.upper(), posted, start=start, time=time)
-    return writer.program(ranges, bounds, texts, air_check)
+    facts = HeaderFacts(ranges, bounds, texts, air_check)
+    return ProgramWriter(machine, dialect, job, name.upper(), posted, start=start, time=time, facts=facts).program()
+
+
+class HeaderFacts(NamedTuple):
+    """What the header tells besides: the `ranges` of the axes, the blank, which fills `bounds` (mm) in the control's
+    simulation, `comments` and the `air_check`."""
+
+    ranges: Float[ndarray, "5 2"]
+    bounds: Float[ndarray, "2 3"]
+    comments: Sequence[str]
+    air_check: Sequence[str]
 
 
 @dataclass(eq=False)
@@ -215,6 +226,7 @@ class ProgramWriter:
     posted: Sequence[Posted]
     start: Float[ndarray, "3"]
     time: ProgramTime
+    facts: HeaderFacts
     moves: int = 0
 
     def __post_init__(self) -> None:
@@ -226,16 +238,9 @@ class ProgramWriter:
         rapid = np.clip(self.job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
         self.rapid = self.feed.text(float(rapid))
 
-    def program(
-        self,
-        ranges: Float[ndarray, "5 2"],
-        bounds: Float[ndarray, "2 3"],
-        comments: Sequence[str],
-        air_check: Sequence[str],
-    ) -> Program:
-        """The whole program, with its counts and its time. Its header tells the `ranges` of the axes, the blank, which
-        fills `bounds` (mm) in the control's simulation, its `comments` and the `air_check`."""
-        lines = self._header(ranges, bounds, comments, air_check)
+    def program(self) -> Program:
+        """The whole program, with its counts and its time."""
+        lines = self._header()
         sections = list[Section]()
         tool = None
         for posted in self.posted:
@@ -268,32 +273,26 @@ class ProgramWriter:
             time=self.time,
             feeds=feed_figures(self.posted, self.job.path.feed_at),
             rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
-            air_check=tuple(air_check),
+            air_check=tuple(self.facts.air_check),
         )
 
-    def _header(
-        self,
-        ranges: Float[ndarray, "5 2"],
-        bounds: Float[ndarray, "2 3"],
-        comments: Sequence[str],
-        air_check: Sequence[str],
-    ) -> list[str]:
+    def _header(self) -> list[str]:
         """The first blocks: comments, the blank, and the safe start with the finest tolerances."""
         machine, dialect, job, posted = self.machine, self.dialect, self.job, self.posted
         fields = "low_x low_y low_z high_x high_y high_z".split()
-        blank = machine.in_machine(np.array(list(product(*bounds.T))))
+        blank = machine.in_machine(np.array(list(product(*self.facts.bounds.T))))
         box = np.array([blank.min(axis=0), blank.max(axis=0)])
         corners = dict(zip(fields, map(self.length.text, box.ravel()), strict=True))
         texts = [
             f"machine {machine.title}",
             f"control {dialect.title}",
-            *comments,
+            *self.facts.comments,
             *parting_texts([one.path for one in posted]),
             *tool_texts(job, posted, self.time),
             *control_texts(machine, dialect, posted),
-            *axis_texts(machine, ranges, dialect),
+            *axis_texts(machine, self.facts.ranges, dialect),
             *(line for text in self.time.texts for line in textwrap.wrap(f"time {text}", WIDEST)),
-            *(f"air check: {text}" for text in air_check),
+            *(f"air check: {text}" for text in self.facts.air_check),
             UNCHECKED,
             UNSIMULATED,
         ]
@@ -369,7 +368,16 @@ class ProgramWriter:
         high = word_texts(self.machine, self.dialect, above(posted, index, float(self.start[2])))
         end = word_texts(self.machine, self.dialect, lifted(posted, index, float(self.start[2])))
         lines = [comment(REWIND, self.dialect)] if index else []
-        lines += self._start(posted, words, posted.approaches[index][3:])
+        # the rotary axes to the run's angles and tool-centre control on: in this order, or where it starts at zero the
+        # other way round
+        if self.dialect.starts_at_zero:
+            angles_deg, rapid = posted.approaches[index][3:], self.job.nc.rapid_feed
+            rotary, height, turn = start_texts(self.dialect, posted.control, angles_deg, self.start, rapid)
+            lines += self._moving("position", rotary=rotary) + self._switch(self.on, posted, height)
+            lines += [comment(MoveKind.LINK.name, self.dialect), *self._counted(turn)]
+        else:
+            lines += self._moving("position", rotary=" ".join(words[3:]))
+            lines += self._switch(self.on, posted, self.retract)
         approach = self.dialect.lines(
             "approach",
             linear=" ".join(words[:3]),
@@ -389,17 +397,3 @@ class ProgramWriter:
         lift = self._moving("lift", lifted=" ".join(end[:3]), rapid=self.rapid)
         lines += [comment(MoveKind.LINK.name, self.dialect), *lift] if lift else []
         return lines + self._switch(self.off, posted, "") + self._moving("retract", retract=self.retract)
-
-    def _start(self, posted: Posted, words: list[str], angles_deg: Float[ndarray, "2"]) -> list[str]:
-        """The blocks that bring the rotary axes to a run's angles and switch tool-centre control on: in this order, or
-        where it starts at zero the other way round."""
-        if not self.dialect.starts_at_zero:
-            return self._moving("position", rotary=" ".join(words[3:])) + self._switch(self.on, posted, self.retract)
-        rapid = self.job.nc.rapid_feed
-        rotary, height, turn = start_texts(self.dialect, posted.control, angles_deg, self.start, rapid)
-        return [
-            *self._moving("position", rotary=rotary),
-            *self._switch(self.on, posted, height),
-            comment(MoveKind.LINK.name, self.dialect),
-            *self._counted(turn),
-        ]

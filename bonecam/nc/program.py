@@ -209,9 +209,20 @@ def solved_angles(
         nearest = None
         travel = np.inf
         for solution in solutions:
-            there, way = _nearest(solution, stays, stand, bounds)
+            # its angles in the turns nearest to where the axes stand, and the way to them; infinite beyond the limits
+            there = [0.0, 0.0]
+            way = 0.0
+            for column in (0, 1):
+                if stays[column]:
+                    there[column] = stand[column]
+                    continue
+                turn = (solution[column] - stand[column] + np.pi) % (2 * np.pi) - np.pi
+                low, high = bounds[column]
+                there[column] = stand[column] + turn
+                inside = low - LIMIT_GUARD <= there[column] <= high + LIMIT_GUARD
+                way += abs(turn) if inside else np.inf
             if way < travel:
-                nearest, travel = there, way
+                nearest, travel = (there[0], there[1]), way
         if meant:
             one, two = meant[row]
             if nearest is None or max(abs(nearest[0] - one), abs(nearest[1] - two)) > TURNED:
@@ -231,25 +242,6 @@ def angles_from(
     return lambda vectors: np.degrees(solved_angles(machine, vectors, before)[0])
 
 
-def _nearest(
-    solution: list[float], stays: list[bool], stand: tuple[float, float], bounds: list[tuple[float, float]]
-) -> tuple[tuple[float, float], float]:
-    """The angles (rad) of a solution in the turns nearest to where the axes `stand`, and the way to them, rad; infinite
-    beyond the limits."""
-    there = [0.0, 0.0]
-    way = 0.0
-    for column in (0, 1):
-        if stays[column]:
-            there[column] = stand[column]
-            continue
-        turn = (solution[column] - stand[column] + np.pi) % (2 * np.pi) - np.pi
-        low, high = bounds[column]
-        there[column] = stand[column] + turn
-        inside = low - LIMIT_GUARD <= there[column] <= high + LIMIT_GUARD
-        way += abs(turn) if inside else np.inf
-    return (there[0], there[1]), way
-
-
 def written_vectors(
     machine: Machine, vector: VectorTable, words: Float[ndarray, "n 5"]
 ) -> tuple[Float[ndarray, "n 6"], Bool[ndarray, "n"]]:
@@ -263,7 +255,15 @@ def written_vectors(
         return np.column_stack([words[:, :3], vectors]) + 0.0, off
     vectors = vectors_of(machine, vector, _leant(machine, vectors, angles))
     solved, _ = solved_angles(machine, vectors, angles[0])
-    wrong = ~(_between(machine, solved, angles) <= LEANS)
+    # By how much (rad) the tool leans otherwise within each move between successive angles, at most
+    leans = [
+        lengths(
+            tool_axes(machine, (1 - part) * solved[:-1] + part * solved[1:])
+            - tool_axes(machine, (1 - part) * angles[:-1] + part * angles[1:])
+        )
+        for part in PARTS
+    ]
+    wrong = ~(np.max(leans, axis=0) <= LEANS)
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
         tilt = ", ".join(
@@ -292,20 +292,6 @@ def _leant(machine: Machine, vectors: Float[ndarray, "n 3"], angles: Float[ndarr
         free_side = -1.0 if machine.rotary[column].limits[0] < -LEAST else 1.0
         leant[:, column] = np.where(rows, np.where(before == 0, free_side, before) * LEAST, angles[:, column])
     return leant
-
-
-def _between(machine: Machine, solved: Float[ndarray, "n 2"], meant: Float[ndarray, "n 2"]) -> Float[ndarray, "m"]:
-    """By how much (rad) the tool leans otherwise within each move between successive angles, at most."""
-    return np.max(
-        [
-            lengths(
-                tool_axes(machine, (1 - part) * solved[:-1] + part * solved[1:])
-                - tool_axes(machine, (1 - part) * meant[:-1] + part * meant[1:])
-            )
-            for part in PARTS
-        ],
-        axis=0,
-    )
 
 
 def vector_formats(dialect: Dialect, vector: VectorTable) -> list[str]:

@@ -43,39 +43,37 @@ from bonecam.text.numbers import shown
 def is_statement(block: str, state: ModalState, line: int) -> bool:
     """Run a block if it is one of the dialect's statements; whether it is."""
     for pattern, statement in state.dialect.patterns:
-        match = pattern.match(block)
-        if match is not None:
-            _apply(statement.effect, match, state, line)
-            state.stated.read(statement.states)
-            return True
+        values = pattern.match(block)
+        if values is None:
+            continue
+        # apply its effect (see `nc.dialect`)
+        effect = statement.effect
+        state.switch_spindle_and_coolant(effect)
+        if effect == "comment":
+            state.read_comment(values["comment"], line)
+        elif effect == "tool":
+            state.change_tool(tool_number(values["tool"], line), line)
+            if "spindle" in values:
+                state.speed = float(values["spindle"])
+        elif effect == "retract":
+            state.retract(line)
+        elif effect == "machine position":
+            state.park(float(values["x"]), float(values["y"]), line)
+        elif effect.startswith("tool-centre"):
+            state.switch_tool_centre(effect.endswith("on"))
+        elif effect.startswith("short way"):
+            state.endless.short_way = effect.endswith("on")
+        elif effect == "tolerance":
+            state.tolerance = float(values.get("tolerance") or np.inf)
+        elif effect == "program end":
+            state.ended = True
+        elif effect == "begin" and line != (2 if state.dialect.grammar == "iso" and state.dialect.frame else 1):
+            raise line_error(line, "the program begins twice")
+        elif effect == "end" and not state.ended:
+            raise line_error(line, "END PGM before the program end")
+        state.stated.read(statement.states)
+        return True
     return False
-
-
-def _apply(effect: str, values: dict[str, str], state: ModalState, line: int) -> None:
-    """Apply the effect of a statement (see `nc.dialect`) to the state."""
-    state.switch_spindle_and_coolant(effect)
-    if effect == "comment":
-        state.read_comment(values["comment"], line)
-    elif effect == "tool":
-        state.change_tool(tool_number(values["tool"], line), line)
-        if "spindle" in values:
-            state.speed = float(values["spindle"])
-    elif effect == "retract":
-        state.retract(line)
-    elif effect == "machine position":
-        state.park(float(values["x"]), float(values["y"]), line)
-    elif effect.startswith("tool-centre"):
-        state.switch_tool_centre(effect.endswith("on"))
-    elif effect.startswith("short way"):
-        state.endless.short_way = effect.endswith("on")
-    elif effect == "tolerance":
-        state.tolerance = float(values.get("tolerance") or np.inf)
-    elif effect == "program end":
-        state.ended = True
-    elif effect == "begin" and line != (2 if state.dialect.grammar == "iso" and state.dialect.frame else 1):
-        raise line_error(line, "the program begins twice")
-    elif effect == "end" and not state.ended:
-        raise line_error(line, "END PGM before the program end")
 
 
 def run_klartext(lines: Sequence[str], state: ModalState) -> None:
@@ -90,7 +88,17 @@ def run_klartext(lines: Sequence[str], state: ModalState) -> None:
             at += count
             continue
         line = at + 1
-        block, at = _block(lines, at, block_number(state.dialect.numbering, ordinal))
+        # the block without its number and with its continuation lines
+        stated, _, block = lines[at].partition(" ")
+        number = block_number(state.dialect.numbering, ordinal)
+        if stated != str(number):
+            raise line_error(line, f"block number {number} expected, found {shown(stated)}")
+        at += 1
+        while block.endswith("~"):
+            if at == len(lines):
+                raise line_error(line, "the last block is continued by nothing")
+            block = block[:-1].rstrip() + " " + lines[at].strip()
+            at += 1
         ordinal += 1
         if state.ended and not block.startswith("END PGM"):
             raise line_error(line, "a block after the program's end")
@@ -104,16 +112,21 @@ def _run_block(block: str, move: re.Pattern[str], state: ModalState, line: int) 
     vector = state.dialect.vector
     directed = re.fullmatch(vector_move(state.dialect, vector), block) if vector else None
     match = move.fullmatch(block)
+    moves = directed or match
+    feed = moves[moves.re.groups] if moves else None
+    rate = None if feed in ("MAX", None) else float(feed)
     if directed:
-        _run_vector_move(directed, state, line)
+        values = [float(text) for text in directed.groups()[1:-1]]
+        turn_to(state, values[3:], line)
+        state.move(dict(zip("XYZ", values, strict=False)), feed == "MAX", rate, line)
     elif match and any(match.groups()[:-2]):
         letters = state.machine.letters
-        *numbers, uncompensated, feed = match.groups()
+        *numbers, uncompensated, _ = match.groups()
         words = {letter: float(text) for letter, text in zip(letters, numbers, strict=True) if text is not None}
         state.uncompensated |= uncompensated is not None
         if not state.uncompensated:
             raise line_error(line, "an axis moves before R0 is stated")
-        state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
+        state.move(words, feed == "MAX", rate, line)
     elif not is_statement(block, state, line):
         bare = block.partition(";")[0].rstrip()
         if bare in ("", block):
@@ -139,29 +152,6 @@ def _unknown(block: str, state: ModalState) -> str:
 def _word_patterns(state: ModalState) -> list[str]:
     """The patterns of the words of an `L` block, with their numbers in groups."""
     return [*axis_words(state.dialect, state.machine.letters), "(R0)", f"F(MAX|{WHOLE})"]
-
-
-def _run_vector_move(match: re.Match[str], state: ModalState, line: int) -> None:
-    *numbers, feed = match.groups()[1:]
-    values = [float(text) for text in numbers]
-    turn_to(state, values[3:], line)
-    words = dict(zip("XYZ", values, strict=False))
-    state.move(words, feed == "MAX", None if feed in ("MAX", None) else float(feed), line)
-
-
-def _block(lines: Sequence[str], at: int, number: int) -> tuple[str, int]:
-    """The block from lines[at] on, without its number and with its continuation lines, and the index of the
-    next."""
-    stated, _, block = lines[at].partition(" ")
-    if stated != str(number):
-        raise line_error(at + 1, f"block number {number} expected, found {shown(stated)}")
-    start = at
-    while block.endswith("~"):
-        at += 1
-        if at == len(lines):
-            raise line_error(start + 1, "the last block is continued by nothing")
-        block = block[:-1].rstrip() + " " + lines[at].strip()
-    return block, at + 1
 
 
 WORD = re.compile(rf"([A-Z])({ISO_NUMBER})")
@@ -242,34 +232,34 @@ class _BlockReader:
             short = self.short_word.fullmatch(item) if self.own_form else None
             match = short or WORD.fullmatch(item)
             words.append(self.directions.component(item) or ((match[1], match[2]) if match else (item, "")))
-            self._check_known(*words[-1], line)
-            if self.own_form and words[-1][0] in self.endless:
+            letter, number = words[-1]
+            word = letter + number
+            if word not in self.dialect.effect_of:
+                # the number of an axis or a parameter, as the control reads it
+                if not number:
+                    raise line_error(line, f"{shown(word)} is no word{remark_on(word)}")
+                directed = letter in COMPONENTS and bool(self.directions.patterns)
+                measured = letter in self.state.machine.letters + "F" or directed
+                if not measured and letter not in PARAMETERS:
+                    raise line_error(line, f"unknown word {word}{remark_on(word)}")
+                if measured and self.point and "." not in number:
+                    raise line_error(line, f"{word} has no decimal point: the control may read it as thousandths")
+            if self.own_form and letter in self.endless:
                 ways.add(short is not None)
         if len(ways) > 1:
             raise line_error(line, "one endless axis takes the short way, another one does not")
         self.state.endless.short_way = ways.pop() if ways else self.state.endless.short_way
         return words
 
-    def _check_known(self, letter: str, number: str, line: int) -> None:
-        """ProgramError where a word is neither a code of the dialect, nor one of an axis or parameter with a number
-        as the control reads it."""
-        word = letter + number
-        if word in self.dialect.effect_of:
-            return
-        if not number:
-            raise line_error(line, f"{shown(word)} is no word{remark_on(word)}")
-        directed = letter in COMPONENTS and bool(self.directions.patterns)
-        measured = letter in self.state.machine.letters + "F" or directed
-        if not measured and letter not in PARAMETERS:
-            raise line_error(line, f"unknown word {word}{remark_on(word)}")
-        if measured and self.point and "." not in number:
-            raise line_error(line, f"{word} has no decimal point: the control may read it as thousandths")
-
     def _run_words(self, words: Words, line: int) -> None:
         state = self.state
         found = (self.dialect.effect_of.get(letter + number) for letter, number in words)
         effects = [effect for effect in found if effect]
-        values = self._values(words, line)
+        # the numbers of all words but codes, by letter
+        rest = [(letter, number) for letter, number in words if letter + number not in self.dialect.effect_of]
+        values = dict(rest)
+        if len(values) != len(rest):
+            raise line_error(line, "a letter stands twice in one block")
         if "inverse_time" in effects or "per_minute" in effects:
             state.inverse_time = "inverse_time" in effects
             state.feed = np.nan
@@ -324,21 +314,17 @@ class _BlockReader:
         if not on and not off:
             return
         if on and self.dialect.starts_at_zero:
-            self._check_zero(line)
+            machine = state.machine
+            for axis in machine.part_axes:
+                angle = state.position[machine.column(axis)]
+                turned = None if angle is None else angle % 360.0 if axis.endless else angle
+                if turned != 0.0:
+                    where = "is not known" if angle is None else f"is {angle:.3f}"
+                    why = f"{axis.letter} {where} where tool-centre control is switched on: it must stand at zero"
+                    raise line_error(line, why)
         if "tool_length" not in self.dialect.effect_of.values():
             state.take_length(tool_number(values.get("H", "0"), line) if on else 0, line)
         state.switch_tool_centre(on)
-
-    def _check_zero(self, line: int) -> None:
-        """ProgramError where a rotary axis that carries the part does not stand at zero, or it is not known where."""
-        machine = self.state.machine
-        for axis in machine.part_axes:
-            angle = self.state.position[machine.column(axis)]
-            turned = None if angle is None else angle % 360.0 if axis.endless else angle
-            if turned != 0.0:
-                where = "is not known" if angle is None else f"is {angle:.3f}"
-                why = f"{axis.letter} {where} where tool-centre control is switched on: it must stand at zero"
-                raise line_error(line, why)
 
     def _retract(self, effects: list[str], axes: dict[str, float], line: int) -> None:
         """A rapid to the machine's zero of Z, or to its reference position: the tool is above everything, where its tip
@@ -363,14 +349,6 @@ class _BlockReader:
         if self.by_edge and state.length_of:
             raise line_error(line, f"a retract with the length of tool {state.length_of}: switch it off (D0)")
         state.retract(line, np.nan if by_reference else 0.0)
-
-    def _values(self, words: Words, line: int) -> dict[str, str]:
-        """The numbers of all words but codes, by letter."""
-        rest = [(letter, number) for letter, number in words if letter + number not in self.dialect.effect_of]
-        values = dict(rest)
-        if len(values) != len(rest):
-            raise line_error(line, "a letter stands twice in one block")
-        return values
 
 
 def read_program(text: str, machine: Machine, dialect: Dialect, tools: Sequence[Tool] = ()) -> Motions:

@@ -155,28 +155,24 @@ def check_reach(job: Job, machine: Machine) -> None:
         raise MachineError(f"{machine.name}: {named}the tool axis {what}: {remedy}", reached=reached)
 
     for tilt in LOOPS[(limits.largest >= LOOPS) & (limits.smallest <= LOOPS)]:
-        _check_way_round(machine, tilt, named)
-
-
-def _check_way_round(machine: Machine, tilt: float, named: str) -> None:
-    """MachineError where the tool axis does not go all round at a polar angle (rad) unless the table is turned over."""
-    azimuths = np.radians(np.arange(ROUND + 1.0))
-    level = np.sin(tilt) * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
-    axes = np.column_stack([level, np.full(len(level), np.cos(tilt))])
-    everywhere = np.ones(len(axes), dtype=bool)
-    choice = choose_angles(machine, axes, np.full(len(axes), int(MoveKind.CUT)), 0.0, liftable=everywhere)
-    turns = np.diff(choice.angles, axis=0)[choice.rewinds[1:]]
-    for axis in machine.part_axes:
-        turned = float(np.abs(turns[:, machine.column(axis) - 3]).max(initial=0.0))
-        along = abs(float(machine.in_part(np.array([axis.direction]))[0, 2]))
-        if along < LEVEL and turned > np.pi:
-            what = f"{axis.letter} must be rewound by {np.degrees(turned):.0f} deg to go round a part"
-            raise MachineError(
-                f"{machine.name}: {named}{what}, which turns the table over under the tool: take another "
-                f"machine (--machine), or give {axis.letter} limits with zero between them, if it has such",
-                axis=axis.letter,
-                turned=turned,
-            )
+        # MachineError where the tool axis does not go all round at this polar angle unless the table is turned over
+        azimuths = np.radians(np.arange(ROUND + 1.0))
+        level = np.sin(tilt) * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
+        axes = np.column_stack([level, np.full(len(level), np.cos(tilt))])
+        everywhere = np.ones(len(axes), dtype=bool)
+        choice = choose_angles(machine, axes, np.full(len(axes), int(MoveKind.CUT)), 0.0, liftable=everywhere)
+        turns = np.diff(choice.angles, axis=0)[choice.rewinds[1:]]
+        for axis in machine.part_axes:
+            turned = float(np.abs(turns[:, machine.column(axis) - 3]).max(initial=0.0))
+            along = abs(float(machine.in_part(np.array([axis.direction]))[0, 2]))
+            if along < LEVEL and turned > np.pi:
+                what = f"{axis.letter} must be rewound by {np.degrees(turned):.0f} deg to go round a part"
+                raise MachineError(
+                    f"{machine.name}: {named}{what}, which turns the table over under the tool: take another "
+                    f"machine (--machine), or give {axis.letter} limits with zero between them, if it has such",
+                    axis=axis.letter,
+                    turned=turned,
+                )
 
 
 def check_table(job: Job, machine: Machine) -> None:

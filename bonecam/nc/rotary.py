@@ -28,14 +28,15 @@ from bonecam.tool.path import MoveKind
 
 FULL_TURN = 2 * np.pi
 SMALL_ROTATION = 0.5
-"""Rotation (rad) below which the bound T^2 / 8 of `_stays_near` is used."""
+"""Rotation (rad) below which the bound T^2 / 8 of `rotary_steps` is used."""
 
 
 def rotary_steps(
     machine: Machine, found: Float[ndarray, "m 2 2"], axes: Float[ndarray, "m 3"]
 ) -> tuple[Float[ndarray, "m-1 2 2"], Int[ndarray, "m-1 2 2 2"]]:
     """The rotary travel (rad) by the shorter way from each solution of a row to each of the next, infinite where the
-    tool axis would not stay near its way; and the whole turns of the limited joints that this way leaves out."""
+    tool axis halfway, with both joints running linearly, would not stay near the great circle between its ends; and the
+    whole turns of the limited joints that this way leaves out."""
     travel = np.empty((len(found) - 1, 2, 2))
     wraps = np.zeros((len(found) - 1, 2, 2, 2), dtype=np.int64)
     bounded = np.array([axis.bounded for axis in machine.rotary])
@@ -46,37 +47,17 @@ def rotary_steps(
         change = found[1:, b] - found[:-1, a]
         turned = np.round(change / FULL_TURN)
         change -= FULL_TURN * turned
-        near = np.flatnonzero(_stays_near(machine, found[:-1, a], change, middle, apart))
+        # a rotation by T (rad, the sum of both joints) leads the axis halfway off by at most T^2 / 8
+        rotation = np.abs(change[:, 0]) + np.abs(change[:, 1])
+        stays = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 1.4 * np.sin(apart / 2))
+        ask = np.flatnonzero(~stays & np.isfinite(rotation))
+        halfway = tool_axes(machine, found[ask, a] + change[ask] / 2)
+        stays[ask] = angles_between(halfway, middle[ask]) <= 0.75 * apart[ask] + 1e-9
+        near = np.flatnonzero(stays)
         travel[:, a, b] = np.inf
-        travel[near, a, b] = _rotation(change[near])
+        travel[near, a, b] = rotation[near]
         wraps[near, a, b] = np.where(bounded, turned[near], 0.0)
     return travel, wraps
-
-
-def _stays_near(
-    machine: Machine,
-    start: Float[ndarray, "n 2"],
-    change: Float[ndarray, "n 2"],
-    middle: Float[ndarray, "n 3"],
-    apart: Float[ndarray, " n"],
-) -> Bool[ndarray, " n"]:
-    """Whether the tool axis halfway, with both joints running linearly from `start` by `change`, stays near
-    the great circle between two tool axes, their `middle` and the angle that they are `apart` (rad) given.
-
-    A rotation by T (rad, the sum of both joints) leads the axis halfway off by at most T^2 / 8, which settles
-    most moves. False where a state is NaN.
-    """
-    rotation = _rotation(change)
-    near = (rotation < SMALL_ROTATION) & (rotation**2 / 8 <= 1.4 * np.sin(apart / 2))
-    ask = np.flatnonzero(~near & np.isfinite(rotation))
-    halfway = tool_axes(machine, start[ask] + change[ask] / 2)
-    near[ask] = angles_between(halfway, middle[ask]) <= 0.75 * apart[ask] + 1e-9
-    return np.asarray(near)
-
-
-def _rotation(change: Float[ndarray, "n 2"]) -> Float[ndarray, "n"]:
-    """How far both joints turn, rad."""
-    return np.asarray(np.abs(change[:, 0]) + np.abs(change[:, 1]))
 
 
 REWIND_COST = 1e5
@@ -136,9 +117,19 @@ def choose_angles(
         )
     held = np.flatnonzero(free.any(1))
     if len(held):
-        angles[held] = _held_angles(
-            machine, solutions[held], free=free[held], held=held, fixed=fixed, angles=angles[fixed]
-        )
+        # The free angle between those of the rows `fixed`, the other one in their turn, of the first solution within
+        # the limits: on the singular axis the solutions differ by rounding only
+        first = np.argmax(within_limits(machine, solutions[held]), axis=1)
+        chosen = np.take_along_axis(solutions[held], first[:, None, None], axis=1)[:, 0]
+        for column, axis in enumerate(machine.rotary):
+            rest = float(np.clip(0.0, *axis.limits))
+            near = np.interp(held, fixed, angles[fixed, column]) if len(fixed) else np.full(len(held), rest)
+            if axis.bounded:
+                least, most = _turns_within(axis, chosen[:, column])
+                turns = np.clip(np.round((near - chosen[:, column]) / FULL_TURN), least, most)
+                chosen[:, column] += FULL_TURN * turns
+            chosen[:, column] = np.where(free[held, column], near, chosen[:, column])
+        angles[held] = chosen
     for column, axis in enumerate(machine.rotary):
         if not axis.bounded:
             start = before[column] if before is not None else 0.0
@@ -183,24 +174,6 @@ def _check_reach(machine: Machine, angles: ndarray) -> None:
         value_deg=value,
         limit_deg=limit,
     )
-
-
-def _held_angles(
-    machine: Machine, solutions: ndarray, free: ndarray, held: ndarray, fixed: ndarray, angles: ndarray
-) -> Float[ndarray, "h 2"]:
-    """The angles (rad) of the rows `held`: the free one between those of the rows `fixed`, the other one in their
-    turn, of the first solution within the limits: on the singular axis the solutions differ by rounding only."""
-    first = np.argmax(within_limits(machine, solutions), axis=1)
-    chosen = np.take_along_axis(solutions, first[:, None, None], axis=1)[:, 0]
-    for column, axis in enumerate(machine.rotary):
-        rest = float(np.clip(0.0, *axis.limits))
-        near = np.interp(held, fixed, angles[:, column]) if len(fixed) else np.full(len(held), rest)
-        if axis.bounded:
-            least, most = _turns_within(axis, chosen[:, column])
-            turns = np.clip(np.round((near - chosen[:, column]) / FULL_TURN), least, most)
-            chosen[:, column] += FULL_TURN * turns
-        chosen[:, column] = np.where(free[:, column], near, chosen[:, column])
-    return chosen
 
 
 def _turns_within(axis: RotaryAxis, angles: ndarray) -> tuple[ndarray, ndarray]:

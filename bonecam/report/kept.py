@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from bonecam.errors import BonecamError, FileError, LevelError, ProgramError
+from bonecam.errors import BonecamError, FileError, LevelError, ProgramError, file_error
 from bonecam.files import check_files, input_bytes, input_text, second_file, whole_folder, write_whole
 from bonecam.job import Job, LevelsJob, StockJob, read_job, write_job
 from bonecam.levels.measure import LINE, Level, line_depths, step_depths
@@ -100,7 +100,7 @@ def kept_pages(keep: str | Path, file: str | Path) -> list[Path]:
 def check_page_name(file: str | Path) -> None:
     """FileError where the name of a page has no ending of one."""
     if Path(file).suffix.lower() not in PAGES:
-        raise FileError(f"{file}: a page ends in .html: name it {Path(file).name}.html", file=str(file))
+        raise file_error(file, "a page ends in .html", f"name it {Path(file).name}.html")
 
 
 def kept_contents(keep: Path, name: str = VIEW) -> tuple[bytes, Contents]:
@@ -120,7 +120,7 @@ def kept_contents(keep: Path, name: str = VIEW) -> tuple[bytes, Contents]:
     except (KeyError, TypeError):
         whole = False
     if not whole:
-        raise FileError(f"{path}: is damaged: make it again with --keep", file=str(path))
+        raise file_error(path, "is damaged", "make it again with --keep")
     return packed, contents
 
 
@@ -336,7 +336,7 @@ def kept_surface(given: Path) -> Path | None:
     surface = folder / SURFACE
     if given.is_dir():
         if not surface.is_file():
-            raise FileError(f"{given}: has no {SURFACE}: {REMEDY}", file=str(given))
+            raise file_error(given, f"has no {SURFACE}", REMEDY)
         return surface
     return surface if given.name == PART and is_own(folder, PART) and is_own(folder, SURFACE) else None
 
@@ -346,25 +346,20 @@ def kept_levels(text: str, program: Path, keep: Path) -> tuple[TriangleMesh, Tri
     the `text` of `program` is for another stock."""
     names = sorted(path.name for path in keep.glob("level_*.ply") if LEVEL.fullmatch(path.name))
     if len(names) < 2:
-        raise FileError(f"{keep}: has no levels (level_00.ply, ...): {REMEDY}", file=str(keep))
+        raise file_error(keep, "has no levels (level_00.ply, ...)", REMEDY)
     stock = read_mesh(keep / names[-1])
-    _require_stock(text, stock, program, keep)
-    return read_mesh(keep / names[0]), stock, len(names)
-
-
-def _require_stock(text: str, stock: TriangleMesh, program: Path, keep: Path) -> None:
-    """ProgramError where the header tells another stock than the kept one."""
+    # ProgramError where the header tells another stock than the kept one
     reported = STOCK.search(header_of(text))
-    if reported is None:
-        return
-    heights = [float(reported[1]), float(reported[2])]
-    kept_heights = stock.bounds[:, 2].tolist()
-    if max(abs(a - b) for a, b in zip(heights, kept_heights, strict=True)) > SAME_STOCK:
-        raise ProgramError(
-            f"{program}: its stock reaches from z {heights[0]:.2f} to {heights[1]:.2f} mm, that of {keep} from "
-            f"{kept_heights[0]:.2f} to {kept_heights[1]:.2f}: {REMEDY}",
-            line=0,
-        )
+    if reported is not None:
+        heights = [float(reported[1]), float(reported[2])]
+        kept_heights = stock.bounds[:, 2].tolist()
+        if max(abs(a - b) for a, b in zip(heights, kept_heights, strict=True)) > SAME_STOCK:
+            raise ProgramError(
+                f"{program}: its stock reaches from z {heights[0]:.2f} to {heights[1]:.2f} mm, that of {keep} from "
+                f"{kept_heights[0]:.2f} to {kept_heights[1]:.2f}: {REMEDY}",
+                line=0,
+            )
+    return read_mesh(keep / names[0]), stock, len(names)
 
 
 def kept_job(keep: str | Path | None) -> Job:
@@ -428,9 +423,9 @@ def kept_stock(keep: Path, mesh: TriangleMesh, chord: float) -> Stock:
         middle = float(mesh.bounds[:, 2].mean())
         stock = stock_round(job, LyingPart(mesh.vertices, middle), schedule_of(LevelsJob()))
     except (OSError, ValueError, KeyError, TypeError, BonecamError) as error:
-        raise FileError(f"{file}: tells no stock ({error}): {REMEDY}", file=str(file)) from error
+        raise file_error(file, f"tells no stock ({error})", REMEDY) from error
     if np.abs(stock.bounds - mesh.bounds).max() > SAME_STOCK + chord:
-        raise FileError(f"{file}: tells another stock ({stock}) than the kept levels: {REMEDY}", file=str(file))
+        raise file_error(file, f"tells another stock ({stock}) than the kept levels", REMEDY)
     return stock
 
 
@@ -447,8 +442,7 @@ def kept_given(keep: Path, job: Job) -> GivenSurface | NotJudged:
         missed = float(report["surface"]["deviation_max_mm"])
         smoothed = float((report["input"]["smoothed"] or {"inward_mm": 0.0})["inward_mm"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        what = f"tells no deviation of the fit ({error})"
-        raise FileError(f"{file}: {what}: {REMEDY}", file=str(file)) from error
+        raise file_error(file, f"tells no deviation of the fit ({error})", REMEDY) from error
     return GivenSurface(MeshDistance(read_mesh(keep / GIVEN)), allowed_depth(job, missed, smoothed))
 
 

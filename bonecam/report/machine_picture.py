@@ -17,7 +17,7 @@ from bonecam.machine.kinematics import inverse_linear, inverse_rotary, link_pose
 from bonecam.machine.machine import Machine
 from bonecam.mesh.solids import revolve
 from bonecam.mesh.triangle_mesh import TriangleMesh
-from bonecam.report.pictures import BELOW, Figure, Plot, draw_shaded, lay_out, legend_below, new_figure, save_figure
+from bonecam.report.pictures import BELOW, Figure, draw_shaded, lay_out, legend_below, new_figure, save_figure
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.clamping import body_meshes, holding_columns
@@ -56,7 +56,22 @@ def draw_machine(
     heights = [_lowest(path) for path in paths]
     path = paths[int(np.argmin([np.min(each, initial=np.inf) for each in heights]))]
     row = int(np.argmin(_lowest(path)))
-    bodies = [*_fixed(part, holding, machine.table), *_tool(path.cutter, path.tips[row], path.axes[row])]
+
+    # Part, post, what holds it, and table with what stands on it
+    radius = holding.diameter / 2
+    bodies = [("part", part), ("post", bar(holding.support_height, float(part.bounds[0, 2]), radius, radius))]
+    for name, column in holding_columns(holding).items():
+        held = bar(column.bottom, column.top, column.radius, column.radius)
+        bodies.append(("post" if name == "stub" else "chuck", held))
+    tailstock = tailstock_bodies(holding)
+    if tailstock:
+        radius = holding.tailstock_diameter / 2
+        pin = bar(float(part.bounds[1, 2]), holding.tailstock_height, radius, radius)
+        bodies.append(("post", _shifted(pin, holding.tailstock_x, holding.tailstock_y)))
+    for column in tailstock:
+        held = bar(column.bottom, column.top, column.radius, column.radius)
+        bodies.append(("chuck", _shifted(held, column.x, column.y)))
+    bodies += [*table_bodies(machine.table), *_tool(path.cutter, path.tips[row], path.axes[row])]
 
     # Joints (mm, rad) in which the machine, within its limits, holds a cutter in a pose
     tips = path.tips[[row]]
@@ -87,27 +102,6 @@ def _lowest(path: ToolPath) -> Float[ndarray, " n"]:
     ]
     heights = [path.tips[:, 2] + height * up - radius * across for height, radius in rims]
     return np.where(path.kinds == MoveKind.CUT, np.min(heights, axis=0), np.inf)
-
-
-def _fixed(part: TriangleMesh, holding: HoldingJob, table: Table) -> list[tuple[str, TriangleMesh]]:
-    """Part, post, what holds it, and table with what stands on it."""
-    radius = holding.diameter / 2
-    foot = holding.support_height
-    bodies = [("part", part), ("post", bar(foot, float(part.bounds[0, 2]), radius, radius))]
-    for name, column in holding_columns(holding).items():
-        held = bar(column.bottom, column.top, column.radius, column.radius)
-        bodies.append(("post" if name == "stub" else "chuck", held))
-    tailstock = tailstock_bodies(holding)
-    if tailstock:
-        x = holding.tailstock_x
-        y = holding.tailstock_y
-        radius = holding.tailstock_diameter / 2
-        pin = bar(float(part.bounds[1, 2]), holding.tailstock_height, radius, radius)
-        bodies.append(("post", _shifted(pin, x, y)))
-    for column in tailstock:
-        held = bar(column.bottom, column.top, column.radius, column.radius)
-        bodies.append(("chuck", _shifted(held, column.x, column.y)))
-    return [*bodies, *table_bodies(table)]
 
 
 def _shifted(mesh: TriangleMesh, x: float, y: float) -> TriangleMesh:
@@ -212,28 +206,23 @@ def draw_machine_file(machine: Machine, file: str | Path) -> None:
     bodies = [*fixed, *((name, mesh.move(stand)) for name, mesh in tool)]
     figure, plots = _drawn(bodies, f"{machine.title}, all axes at zero")
     for plot, side in zip(plots, SIDES_SEEN):
-        _draw_axes(plot, machine, side, nose)
+        # the rotary axes with their letters, and X and Z of the part
+        for axis in machine.own_rotary:
+            middle = np.array(axis.pivot) + (nose if axis in machine.tool_axes else 0.0)
+            ends = middle + REACH * np.outer([-1.0, 1.0], axis.direction)
+            plot.plot(side * ends[:, 0], ends[:, 2], "k-.", lw=1)
+            plot.annotate(axis.letter, (side * ends[1, 0], ends[1, 2]))
+        for letter, row in zip(("x", "z"), machine.in_machine(np.eye(3)[[0, 2]])):
+            end = zero + FRAME * row
+            plot.annotate(
+                f"part {letter}",
+                (side * zero[0], zero[2]),
+                (side * end[0], end[2]),
+                arrowprops={"arrowstyle": "<-", "color": "#d55e00"},
+                color="#d55e00",
+                fontsize="small",
+            )
     top = nose[2] + stack_length(machine.nose)
     plots[0].update_datalim([[zero[0], zero[2]], [zero[0], top]])
     lay_out(figure, plots)
     save_figure(figure, file)
-
-
-def _draw_axes(plot: Plot, machine: Machine, side: float, nose: np.ndarray) -> None:
-    """The rotary axes with their letters, and X and Z of the part."""
-    for axis in machine.own_rotary:
-        middle = np.array(axis.pivot) + (nose if axis in machine.tool_axes else 0.0)
-        ends = middle + REACH * np.outer([-1.0, 1.0], axis.direction)
-        plot.plot(side * ends[:, 0], ends[:, 2], "k-.", lw=1)
-        plot.annotate(axis.letter, (side * ends[1, 0], ends[1, 2]))
-    zero = np.array(machine.part_zero)
-    for name, row in zip(("x", "z"), machine.in_machine(np.eye(3)[[0, 2]])):
-        end = zero + FRAME * row
-        plot.annotate(
-            f"part {name}",
-            (side * zero[0], zero[2]),
-            (side * end[0], end[2]),
-            arrowprops={"arrowstyle": "<-", "color": "#d55e00"},
-            color="#d55e00",
-            fontsize="small",
-        )

@@ -12,7 +12,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,6 +24,7 @@ from bonecam.errors import (
     FileError,
     LimitError,
     VerifyError,
+    file_error,
     knowing,
 )
 from bonecam.files import check_files, check_folder, second_file, whole_folder, write_whole
@@ -61,7 +62,7 @@ from bonecam.report.summary import AxisComparison, compare_axes, finished_summar
 from bonecam.report.tables import apt_text, toolpath_csv
 from bonecam.report.typed import RefusedFigures, report_text
 from bonecam.report.warnings import NOT_ASKED, Warned, simulated_text, with_warnings
-from bonecam.runtime.staging import Staging, placed, staged
+from bonecam.runtime.staging import placed, staged
 from bonecam.runtime.timing import StageTimes
 from bonecam.surface.files.tspline_text import TSPLINE, check_target, save_surface
 from bonecam.tool.path import ToolPath
@@ -113,7 +114,7 @@ class Outputs:
                 check_page_name(page)
         if self.apt is not None and Path(self.apt).suffix.lower() not in APT:
             remedy = f"name it {Path(self.apt).name}.apt"
-            raise FileError(f"{self.apt}: APT files end in {', '.join(APT)}: {remedy}", file=str(self.apt))
+            raise file_error(self.apt, f"APT files end in {', '.join(APT)}", remedy)
         if self.keep is not None:
             check_folder(self.keep)
 
@@ -145,35 +146,34 @@ class Outputs:
                 if morphed.second is not None:
                     programs[second_program_file(self.program, dialect)] = morphed.second.program
                 stage_program_files(staging, programs, dialect)
-            for path, write in self._beside(morphed, staging):
+            # the wanted outputs beside the program, and what writes each
+            wanted: list[tuple[File, Callable[[str | Path], None]]] = [
+                (self.report, lambda file: staging.write(file, report_text(morphed.report))),
+                (self.surface, lambda file: save_surface(morphed.surface, staging.file(file))),
+                (self.html, lambda file: staging.write(file, morphed.page)),
+            ]
+            if isinstance(morphed, Result):
+                wanted += [
+                    (self.sheet, lambda file: staging.write(file, morphed.sheet)),
+                    (self.apt, lambda file: staging.write(file, apt_text(morphed.paths, morphed.program.name))),
+                ]
+                second = morphed.second
+                if second is not None:
+                    wanted += [
+                        (self.html and second_file(self.html), lambda file: staging.write(file, second.page)),
+                        (self.apt and second_file(self.apt), lambda file: staging.write(file, second.apt)),
+                    ]
+            wanted.append((self.keep, lambda file: fill_kept_folder(staging.folder(file, SERIES), morphed)))
+            for path, write in wanted:
+                if path is None:
+                    continue
                 try:
-                    write()
+                    write(path)
                 except Exception as error:  # it is raised once the program is written
                     troubles.append(staging.told(error))
                     staging.drop(path)
         if troubles:
             raise troubles[0]
-
-    def _beside(self, made: Morphed, staging: Staging) -> list[tuple[str | Path, Callable[[], None]]]:
-        """The wanted outputs beside the program, and what writes each."""
-        wanted: list[tuple[File, Callable[[str | Path], None]]] = [
-            (self.report, lambda file: staging.write(file, report_text(made.report))),
-            (self.surface, lambda file: save_surface(made.surface, staging.file(file))),
-            (self.html, lambda file: staging.write(file, made.page)),
-        ]
-        if isinstance(made, Result):
-            wanted += [
-                (self.sheet, lambda file: staging.write(file, made.sheet)),
-                (self.apt, lambda file: staging.write(file, apt_text(made.paths, made.program.name))),
-            ]
-            second = made.second
-            if second is not None:
-                wanted += [
-                    (self.html and second_file(self.html), lambda file: staging.write(file, second.page)),
-                    (self.apt and second_file(self.apt), lambda file: staging.write(file, second.apt)),
-                ]
-        wanted.append((self.keep, lambda file: fill_kept_folder(staging.folder(file, SERIES), made)))
-        return [(file, partial(write, file)) for file, write in wanted if file is not None]
 
 
 SHARED = ".nc"
@@ -185,8 +185,8 @@ def check_ending(program: Path, dialect: Dialect) -> None:
     part."""
     proposed = program.with_name(f"{program.stem.strip('.') or 'program'}{dialect.extension}").name
     if len(program.suffix) < 2:
-        trouble = f"has no ending, {dialect.name} programs end in {dialect.extension}: name it {proposed}"
-        raise FileError(f"{program}: {trouble}", file=str(program))
+        trouble = f"has no ending, {dialect.name} programs end in {dialect.extension}"
+        raise file_error(program, trouble, f"name it {proposed}")
 
     programs = {read_dialect(name).extension for name in dialect_names()}
     other = ISO if dialect.grammar == "klartext" else ()
@@ -194,7 +194,7 @@ def check_ending(program: Path, dialect: Dialect) -> None:
     if program.suffix.lower() in foreign:
         trouble = f"{dialect.name} programs do not end in {program.suffix}"
         remedy = f"name it {proposed}, or choose another --controller"
-        raise FileError(f"{program}: {trouble}: {remedy}", file=str(program))
+        raise file_error(program, trouble, remedy)
 
 
 FAULT = "a fault of bonecam, which planned this program, not of the mesh or the job"
@@ -283,30 +283,25 @@ def _kept(morphed: Morphed, folder: File, error: BonecamError, report: Mapping[s
     """Keep what a report of the refusal needs in the `folder`, and say how to report it."""
     if folder is None:
         return "report it with what --keep DIR writes of this run"
+    levels, holding = morphed.levels.levels, morphed.job.holding
     try:
         with whole_folder(folder, SERIES) as work:
-            _fill(work, morphed, error)
+            write_whole(work / "refused.txt", f"{error}\n")
+            keep_job(work, morphed)
+            write_mesh(morphed.part.placed_given, work / GIVEN)
+            save_surface(morphed.surface, work / "surface.tspline")
+            keep_into(work, levels, morphed.stock, (holding.diameter, post_below(morphed.part.mesh, holding).top))
+            program = error.evidence.get("program")
+            paths = error.evidence.get("paths", ())
+            if program is not None:
+                write_whole(work / f"program{program.extension}", program.text)
+                write_whole(work / "toolpath.csv", toolpath_csv(paths))
+            if "place" in error.evidence:
+                draw_refused(error.evidence["place"], levels, paths, work / "refused.png")
             write_whole(work / "report.json", report_text(report))
     except FileError as trouble:
         return f"nothing could be kept: {trouble}"
     return f"report it with {folder}, which holds program, place and picture"
-
-
-def _fill(work: Path, morphed: Morphed, error: BonecamError) -> None:
-    """Write the files of a refused run into `work`."""
-    levels, holding = morphed.levels.levels, morphed.job.holding
-    write_whole(work / "refused.txt", f"{error}\n")
-    keep_job(work, morphed)
-    write_mesh(morphed.part.placed_given, work / GIVEN)
-    save_surface(morphed.surface, work / "surface.tspline")
-    keep_into(work, levels, morphed.stock, (holding.diameter, post_below(morphed.part.mesh, holding).top))
-    program = error.evidence.get("program")
-    paths = error.evidence.get("paths", ())
-    if program is not None:
-        write_whole(work / f"program{program.extension}", program.text)
-        write_whole(work / "toolpath.csv", toolpath_csv(paths))
-    if "place" in error.evidence:
-        draw_refused(error.evidence["place"], levels, paths, work / "refused.png")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,7 +21,7 @@ from bonecam.mesh.meshlab import split_edges
 from bonecam.mesh.solids import edges_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.stump import Groove
-from bonecam.report.summary import AxisChoice, AxisComparison
+from bonecam.report.summary import AxisComparison
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.path import MoveKind, ToolPath
 from bonecam.workholding.shell import SecondClamping
@@ -221,6 +221,13 @@ DIFFUSE = 0.4
 """Brightness of a face that turns away from the light, and what is added where it faces the light."""
 
 
+def draw_lines(plot: Plot, lines: Float[ndarray, "k 2 2"], colours: Any, **style: Any) -> None:
+    """Lines between pairs of places."""
+    from matplotlib.collections import LineCollection
+
+    plot.add_collection(LineCollection(list(lines), colors=colours, **style))
+
+
 def draw_shaded(plot: Plot, mesh: TriangleMesh, side: float, colours: Float[ndarray, "f 3"] | None = None) -> None:
     """Triangles that face the viewer at -y (`side` = 1) or y (-1), the far ones first; grey, or of one colour
     (RGB) a face."""
@@ -266,7 +273,17 @@ def draw_compared_axes(compared: AxisComparison, surface: TriangleMesh, file: st
     mesh = surface.move(turned)
     for plot, choice in zip(plots, compared.choices):
         draw_shaded(plot, mesh, 1.0)
-        _draw_axes(plot, compared, choice, turned[:3, :3], AXIS_SHARE * surface.diagonal)
+
+        # Axes at contacts that face the viewer at -y once they are turned
+        some = np.arange(0, len(choice.axes), max(1, len(choice.axes) // MAX_AXES))
+        outward = (compared.balls - compared.contacts)[some] @ turned[:3, :3].T
+        some = some[outward[:, 1] < 0]
+        starts = compared.contacts[some] @ turned[:3, :3].T
+        ends = starts + AXIS_SHARE * surface.diagonal * choice.axes[some] @ turned[:3, :3].T
+        blocked = ~(choice.free & choice.reached)[some]
+        for which, colour, width in ((~blocked, FREE_COLOUR, 0.5), (blocked, BLOCKED_COLOUR, 0.7)):
+            draw_lines(plot, np.stack([starts[which], ends[which]], axis=1)[:, :, [0, 2]], colour, linewidths=width)
+
         row = compared.figures(choice)
         message = f"{row['collide']} of {len(choice.axes)} collide\n{row['seconds']:.0f} s of cutting"
         plot.set_title(f"{choice.name}\n{message}", fontsize="medium")
@@ -275,23 +292,6 @@ def draw_compared_axes(compared: AxisComparison, surface: TriangleMesh, file: st
     legend_below(figure, {"free": FREE_COLOUR, "collides, or beyond the machine's limits": BLOCKED_COLOUR})
     lay_out(figure, plots, below=BELOW + LEGEND, above=0.9)
     save_figure(figure, file)
-
-
-def _draw_axes(
-    plot: Plot, compared: AxisComparison, choice: AxisChoice, turn: Float[ndarray, "3 3"], length: float
-) -> None:
-    """Axes at contacts that face the viewer at -y once they are turned."""
-    from matplotlib.collections import LineCollection
-
-    some = np.arange(0, len(choice.axes), max(1, len(choice.axes) // MAX_AXES))
-    outward = (compared.balls - compared.contacts)[some] @ turn.T
-    some = some[outward[:, 1] < 0]
-    starts = compared.contacts[some] @ turn.T
-    ends = starts + length * choice.axes[some] @ turn.T
-    blocked = ~(choice.free & choice.reached)[some]
-    for which, colour, width in ((~blocked, FREE_COLOUR, 0.5), (blocked, BLOCKED_COLOUR, 0.7)):
-        lines = np.stack([starts[which], ends[which]], axis=1)[:, :, [0, 2]]
-        plot.add_collection(LineCollection(list(lines), colors=colour, linewidths=width))
 
 
 MAX_LEVELS = 3
@@ -362,41 +362,33 @@ def draw_depths(levels: Sequence[Level], line: Float[ndarray, "k n"], path: str 
 
     drawing = figure.Figure(figsize=(10, 9.6), dpi=DPI, layout="constrained")
     above, below = drawing.subplots(2, 1)
-    _draw_lines(drawing, above, levels, line, s)
-    _draw_shares(drawing, below, levels)
-    save_figure(drawing, path)
 
-
-def _draw_lines(figure: Figure, plot: Plot, levels: Sequence[Level], line: Float[ndarray, "k n"], s: float) -> None:
-    """A coloured line a cut, its number on some, and dashed lines at the limits."""
-    design = morph_surfaces(levels)[0]
-    along = line_lengths(design, s, line.shape[1])
+    # A coloured line a cut, its number on some, and dashed lines at the limits
+    along = line_lengths(morph_surfaces(levels)[0], s, line.shape[1])
     norm = value_range(1, len(line))
     for k, depths in enumerate(line, start=1):
-        plot.plot(along, depths, lw=0.9, color=colours_of(norm, k))
+        above.plot(along, depths, lw=0.9, color=colours_of(norm, k))
     box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none"}
     text = {"fontsize": "small", "ha": "center", "va": "center", "bbox": box}
     for k, place in label_places(line):
-        plot.text(along[place], line[k - 1, place], str(k), **text)
+        above.text(along[place], line[k - 1, place], str(k), **text)
     for limit in {level.limit for level in levels[1:]}:
-        plot.axhline(limit, color="0.5", lw=0.8, ls="--", zorder=0)
+        above.axhline(limit, color="0.5", lw=0.8, ls="--", zorder=0)
 
-    plot.set_xlim(0, along[-1])
-    plot.set_ylim(bottom=0)
-    plot.set_xlabel("length along the line on the part (mm)")
-    plot.set_ylabel("distance between levels (mm)")
+    above.set_xlim(0, along[-1])
+    above.set_ylim(bottom=0)
+    above.set_xlabel("length along the line on the part (mm)")
+    above.set_ylabel("distance between levels (mm)")
     rounding = rounding_cuts(levels)
     rest = f" ({_cuts(rounding)}, which only round the stock, not shown)" if rounding else ""
     drawn = _cuts(range(1, len(line) + 1))
     title = f"Depth of {drawn} along the line s = {s:g}{rest}; dashed: the limits"
-    plot.set_title(title, fontsize="medium")
-    figure.colorbar(_colour_scale(norm), ax=plot, label="cut", ticks=whole_ticks())
+    above.set_title(title, fontsize="medium")
+    drawing.colorbar(_colour_scale(norm), ax=above, label="cut", ticks=whole_ticks())
 
-
-def _draw_shares(figure: Figure, plot: Plot, levels: Sequence[Level]) -> None:
-    """A row a cut: the share of the level's area in each bin of depth."""
+    # A row a cut: the share of the level's area in each bin of depth
     shares = np.array([level.measures.depth_shares for level in levels[1:]])
-    image = plot.imshow(
+    image = below.imshow(
         100 * shares,
         aspect="auto",
         origin="lower",
@@ -406,11 +398,12 @@ def _draw_shares(figure: Figure, plot: Plot, levels: Sequence[Level]) -> None:
         extent=(0, 100, 0.5, len(shares) + 0.5),
         interpolation="nearest",
     )
-    plot.set_xlabel("depth, % of the cut's limit")
-    plot.set_ylabel("cut")
-    plot.yaxis.set_major_locator(whole_ticks())
-    plot.set_title(f"Share of the level's area by depth, {_cuts(range(1, len(levels)))}", fontsize="medium")
-    figure.colorbar(image, ax=plot, label="% of the level's area")
+    below.set_xlabel("depth, % of the cut's limit")
+    below.set_ylabel("cut")
+    below.yaxis.set_major_locator(whole_ticks())
+    below.set_title(f"Share of the level's area by depth, {_cuts(range(1, len(levels)))}", fontsize="medium")
+    drawing.colorbar(image, ax=below, label="% of the level's area")
+    save_figure(drawing, path)
 
 
 def label_places(line: Float[ndarray, "k n"]) -> list[tuple[int, int]]:
@@ -452,7 +445,6 @@ def draw_engagement(
 
     Layers, which follow no level, are drawn on the part.
     """
-    from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm
 
     numbers = np.unique(level_of[cuts])[::-1]
@@ -468,7 +460,7 @@ def draw_engagement(
         ends = np.stack([contacts[here - 1], contacts[here]], axis=1)[:, :, [0, 2]] * np.array([side, 1.0])
         in_colour = colours_of(norm, np.maximum(sections[here], AIR))
         colours = np.where((sections[here] < AIR)[:, None], AIR_COLOUR, in_colour)
-        plot.add_collection(LineCollection(list(ends), colors=colours, linewidths=0.5))
+        draw_lines(plot, ends, colours, linewidths=0.5)
         in_air = float((sections[here] < AIR).mean()) if len(here) else 0.0
         message = f"{in_air:.0%} in air" if side > 0 else "from behind"
         plot.set_title(f"level {number}\n{message}", fontsize="medium")
@@ -511,14 +503,11 @@ def show_levels(
 ) -> None:
     """Draw the section of all levels by the plane of z and x (`across` = 0) or y (1), which lies `at` so many
     mm along the third axis."""
-    from matplotlib.collections import LineCollection
-
     norm = value_range(0, max(len(levels) - 1, 1))
     for level in levels:
         width = 1.6 if level.index in (0, levels[-1].index) else 0.8
         style: dict[str, Any] = {"linewidths": width, "capstyle": "butt", "snap": False}
-        lines = list(outline(level.mesh, across, at))
-        plot.add_collection(LineCollection(lines, colors=[colours_of(norm, level.index)], **style))
+        draw_lines(plot, outline(level.mesh, across, at), [colours_of(norm, level.index)], **style)
     if post:
         draw_post(plot, post, levels)
     plot.set_xlabel(f"{'xy'[across]} (mm)")
@@ -527,8 +516,6 @@ def show_levels(
 def draw_stump(part: TriangleMesh, post: tuple[float, float], groove: Groove | None, path: str | Path) -> None:
     """Write sections of the part's lower end with what stays of the `post` (diameter, top z), mm: down to the parting
     `groove`, or all of it."""
-    from matplotlib.collections import LineCollection
-
     diameter, top = post
     bottom = groove.bottom if groove else float(part.bounds[0, 2])
     low, high = bottom - POST_SHOWN / 2, max(top, float(part.bounds[0, 2])) + diameter
@@ -539,7 +526,7 @@ def draw_stump(part: TriangleMesh, post: tuple[float, float], groove: Groove | N
             side = np.vstack([side[:1], groove.outline(diameter / 2), side[1:]])
         plot.fill(*np.vstack([side, (side * [-1.0, 1.0])[::-1]]).T, color=POST_COLOUR)
         lines = outline(part, across)
-        plot.add_collection(LineCollection(list(lines[lines[:, :, 1].max(axis=1) < high]), colors="k"))
+        draw_lines(plot, lines[lines[:, :, 1].max(axis=1) < high], "k")
         plot.set_xlabel(f"{'xy'[across]} (mm)")
         plot.set_title(f"section {'yx'[across]} = 0", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
@@ -573,12 +560,10 @@ def draw_refused(
 
 def draw_second(clamping: SecondClamping, paths: Sequence[ToolPath], path: str | Path) -> None:
     """Write sections of part and shell in the second clamping, with the balls' centres near them as they cut."""
-    from matplotlib.collections import LineCollection
-
     figure, plots = new_figure(2)
     for plot, across in zip(plots, (0, 1)):
         for solid, colour in ((clamping.shell, "tab:brown"), (clamping.part, "k")):
-            plot.add_collection(LineCollection(list(outline(solid, across)), colors=colour))
+            draw_lines(plot, outline(solid, across), colour)
         for number, each in enumerate(paths):
             balls = each.balls[(each.kinds == MoveKind.CUT) & (np.abs(each.balls[:, 1 - across]) < BESIDE)]
             plot.plot(balls[:, across], balls[:, 2], ".", ms=2, color=f"C{number % 10}")
@@ -684,8 +669,6 @@ def add_legend(figure: Figure, post: bool = False) -> None:
 def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0) -> None:
     """Draw the moves on the side of a level that faces the viewer at -y (`side` = 1) or y (-1), by the surface
     normal at the contact, else by the tool axis."""
-    from matplotlib.collections import LineCollection
-
     draw_shaded(plot, level, side)
     seen = np.array([side, 1.0])
     is_cut = item.kinds == MoveKind.CUT
@@ -697,9 +680,9 @@ def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0
         from_front = front[1:] & front[:-1] & np.isfinite(points[:-1, 0])
         move = np.flatnonzero((item.kinds[1:] == kind) & from_front) + 1
         ends = np.stack([points[move - 1], points[move]], axis=1)
-        plot.add_collection(LineCollection(list(ends[:, :, [0, 2]] * seen), colors=colour, linewidths=0.35))
+        draw_lines(plot, ends[:, :, [0, 2]] * seen, colour, linewidths=0.35)
 
     some = np.flatnonzero(is_cut & front)
     some = some[:: max(1, len(some) // PATH_AXES)]
     ends = np.stack([item.contacts[some], item.contacts[some] + AXIS_LENGTH * item.axes[some]], axis=1)
-    plot.add_collection(LineCollection(list(ends[:, :, [0, 2]] * seen), colors=AXIS_COLOUR, linewidths=0.6))
+    draw_lines(plot, ends[:, :, [0, 2]] * seen, AXIS_COLOUR, linewidths=0.6)

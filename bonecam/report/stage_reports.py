@@ -65,12 +65,20 @@ def _certified(level: Level) -> dict[str, Any]:
 
 def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[str, Any]]:
     """`toolpath` of the report, in machining order; axes in cones are to keep off the normal by `least_lead`, radians,
-    for the tip of a ball does not cut."""
+    for the tip of a ball does not cut. `cones` and what is told of them are null where axes are not chosen in cones."""
     rows = []
     for path in paths:
         cutting = path.kinds == MoveKind.CUT
         steps = np.linalg.norm(np.diff(path.tips, axis=0, prepend=path.tips[:1]), axis=1)
         reasons = {reason: path.reasons.count(reason) for reason in sorted(set(path.reasons))}
+        cones: dict[str, Any] | None = None
+        if path.cones is not None:
+            cones = {
+                "count": len(np.unique(path.cones.cone_of[path.cones.cone_of >= 0])),
+                "shape": "circular" if path.cones.circular else "elliptic",
+                # FCL's word on all cones that were made for the path, where it was asked
+                "fcl": asdict(path.cones.check) if path.cones.check else None,
+            }
         rows.append(
             {
                 "level": path.level,
@@ -85,7 +93,7 @@ def toolpath_report(paths: Sequence[ToolPath], least_lead: float) -> list[dict[s
                 "uncut_contacts": len(path.uncut),
                 "uncut_reasons": reasons,
                 "blocked_by": dict(path.blocked_by),
-                "cones": _cones(path),
+                "cones": cones,
                 "poses": asdict(path.poses) if path.poses else None,
                 **_near_normal(path, least_lead),
             }
@@ -114,20 +122,6 @@ def uncut_areas(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, floa
     cut = [path.contacts[~np.isnan(path.contacts[:, 0])] for path in paths]
     areas = nearest_areas(part, np.vstack([*(path.uncut for path in paths), *cut]))[: len(reasons)]
     return {str(reason): round(float(areas[reasons == reason].sum()), 2) for reason in np.unique(reasons)}
-
-
-def _cones(path: ToolPath) -> dict[str, Any] | None:
-    """How many cones the contacts keep to, their shape, and FCL's word on all that were made for the path, where it was
-    asked; null where axes are not chosen in cones."""
-    if path.cones is None:
-        return None
-    used = np.unique(path.cones.cone_of[path.cones.cone_of >= 0])
-    check = path.cones.check
-    return {
-        "count": len(used),
-        "shape": "circular" if path.cones.circular else "elliptic",
-        "fcl": asdict(check) if check else None,
-    }
 
 
 def parting_report(paths: Sequence[ToolPath], part: TriangleMesh) -> dict[str, dict[str, Any]]:

@@ -81,12 +81,15 @@ class AxisComparison:
         slowest = self.limits.turning_minutes(choice.axes)[self.joined]
         driven = np.maximum(minutes, slowest)
         rate = np.degrees(angles_between(choice.axes[1:], choice.axes[:-1]))[self.joined] / self.steps
+        # its change a mm, from one move to the next of the same pass
+        follows = np.diff(np.flatnonzero(self.joined)) == 1
+        between = (self.steps[1:] + self.steps[:-1]) / 2
         return {
             "axes": choice.name,
             "collide": int((~choice.free).sum()),
             "beyond_limits": int((~choice.reached).sum()),
             "turning_rms_deg_mm": _rms(rate),
-            "turning_change_rms_deg_mm2": _rms(self._changes(rate)),
+            "turning_change_rms_deg_mm2": _rms((np.diff(rate) / between)[follows]),
             "tilt_travel_deg": float(np.degrees(tilt.sum())),
             "turn_travel_deg": float(np.degrees(turn.sum())),
             "tilt_speed_deg_s": _high(np.degrees(tilt) / (60 * minutes)),
@@ -96,13 +99,6 @@ class AxisComparison:
             "feed_mean_mm_min": float(self.steps.sum() / driven.sum()),
             **{f"seconds_at_{feed}": 60 * float(np.maximum(self.steps / feed, slowest).sum()) for feed in FEEDS},
         }
-
-    def _changes(self, rate: Float[ndarray, " m"]) -> Float[ndarray, " k"]:
-        """How a rate changes from one move to the next of the same pass, a mm."""
-        place = np.flatnonzero(self.joined)
-        follows = np.diff(place) == 1
-        between = (self.steps[1:] + self.steps[:-1]) / 2
-        return (np.diff(rate) / between)[follows]
 
     @property
     def report(self) -> list[dict[str, Any]]:
@@ -206,19 +202,6 @@ def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     asked, refused = (sum(pose[name] for pose in poses) for name in ("asked", "refused"))
     if asked:
         yield f"poses     {asked} outside of such cones put before FCL one by one: {refused} refused"
-
-
-def _lead_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Where smooth axes come nearer to the normal than they should."""
-    near = [row for row in toolpath if row["near_normal_contacts"]]
-    contacts, forced = (sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice"))
-    if near:
-        share = contacts / sum(row["contacts"] for row in toolpath)
-        most = max(near, key=lambda row: row["near_normal_contacts"])
-        where = f"{most['near_normal_contacts']} of them on level {most['level']}"
-        choice = f"{forced} have no other in their cones"
-        yield f"lead      {share:.1%} of the contacts are cut nearer to the ball's tip than path.least_lead_deg"
-        yield f"          {contacts} contacts, {where}; {choice}"
 
 
 NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
@@ -352,7 +335,16 @@ def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
         label = "" if number else "uncut"
         yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
     yield from _cone_lines(toolpath)
-    yield from _lead_lines(toolpath)
+    # where smooth axes come nearer to the normal than they should
+    near = [row for row in toolpath if row["near_normal_contacts"]]
+    if near:
+        tipped, forced = (sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice"))
+        most = max(near, key=lambda row: row["near_normal_contacts"])
+        where = f"{most['near_normal_contacts']} of them on level {most['level']}"
+        choice = f"{forced} have no other in their cones"
+        share = f"{tipped / contacts:.1%} of the contacts"
+        yield f"lead      {share} are cut nearer to the ball's tip than path.least_lead_deg"
+        yield f"          {tipped} contacts, {where}; {choice}"
     if "parting" in report:
         yield f"parting   {parting_text(report['parting'])}"
     mill = f"{nc['machine']} / {nc['controller']}"
@@ -417,23 +409,17 @@ def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> s
         exact = [f"{counted(rounding, 'more cut')} only to round the stock, exact by construction"]
     if not known:
         without = counted(len(levels) - 1 - rounding, "cut")
-        return "; ".join([f"nothing on {without}: {_why_uncertified(method)}", *exact])
+        why = "the surface is not polynomial (it has weights other than one)"
+        behind = method_of(method).nesting
+        if behind > NESTING_TOLERANCE:
+            most = f"more than the {NESTING_TOLERANCE:g} mm of a certificate"
+            why = f"levels by {method} may fall {behind:g} mm behind one another, {most}"
+        return "; ".join([f"nothing on {without}: {why}", *exact])
 
     doubts = [f"cut {row['index']} {doubt}" for row in known for doubt in row["not_certified"]]
     kept = sum(not row["not_certified"] for row in known)
     all_known = counted(len(known), "cut")
     return "; ".join([f"depth, nesting and stock hold everywhere on {kept} of {all_known}", *exact, *doubts])
-
-
-def _why_uncertified(method: str) -> str:
-    """Why levels made by `method` have no certificate."""
-    behind = method_of(method).nesting
-    if behind <= NESTING_TOLERANCE:
-        return "the surface is not polynomial (it has weights other than one)"
-    return (
-        f"levels by {method} may fall {behind:g} mm behind one another, "
-        f"more than the {NESTING_TOLERANCE:g} mm of a certificate"
-    )
 
 
 def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float]) -> list[str]:
@@ -446,15 +432,9 @@ def uncut_lines(toolpath: Sequence[Mapping[str, Any]], areas: Mapping[str, float
         blocked: Counter[str] = sum((Counter(row["blocked_by"]) for row in rows), Counter())
         why = WHY | {"collision": ", ".join([WHY["collision"], *(f"{n} {by}" for by, n in blocked.most_common(2))])}
         if reasons:
-            known = {} if outer else areas
+            known = {} if outer else {reason: f", {area:.1f} mm2" for reason, area in areas.items()}
             each = ", ".join(
-                f"{reason} {count}{_area_text(known.get(reason))} ({why[reason]})"
-                for reason, count in reasons.most_common()
+                f"{reason} {count}{known.get(reason, '')} ({why[reason]})" for reason, count in reasons.most_common()
             )
             reported.append(f"{counted(reasons.total(), 'contact')} {where}: {each}")
     return reported or ["nothing"]
-
-
-def _area_text(area: float | None) -> str:
-    """What is added to a number of contacts whose area is known, mm^2."""
-    return "" if area is None else f", {area:.1f} mm2"

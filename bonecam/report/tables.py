@@ -139,18 +139,14 @@ def _statements(text: str) -> Iterator[tuple[int, str, str]]:
             statement = begun + line
             begun = ""
             if statement:
-                yield (first, *_divided(statement, first))
+                match = STATEMENT.fullmatch(statement) if len(statement) <= LONGEST else None
+                if match is None:
+                    raise line_error(first, f"{statement[:40]!r} is no APT statement: give WORD or WORD/values")
+                yield first, match[1], (match[2] or "").strip()
         if len(begun) > LONGEST:
             raise line_error(first, f"a statement of over {LONGEST} characters: divide it")
     if begun:
         raise line_error(first, "the text ends in the middle of a statement: write it again")
-
-
-def _divided(statement: str, line: int) -> tuple[str, str]:
-    match = STATEMENT.fullmatch(statement) if len(statement) <= LONGEST else None
-    if match is None:
-        raise line_error(line, f"{statement[:40]!r} is no APT statement: give WORD or WORD/values")
-    return match[1], (match[2] or "").strip()
 
 
 @dataclass(eq=False)
@@ -205,21 +201,18 @@ class _Reader:
                 raise line_error(line, f"CUTTER/{','.join(values)[:40]}: give a diameter and a corner that fits it")
             self.cutter = (sizes[0], sizes[1] if len(sizes) > 1 else 0.0)
         elif word == "FEDRAT":
-            self._feed(line, values)
+            units = [value.strip() for value in values if not NUMBER.fullmatch(value.strip())]
+            numbers = [value for value in values if NUMBER.fullmatch(value.strip())]
+            if len(numbers) != 1 or not set(units) <= {"MMPM", "IPM", "PERMIN"}:
+                raise line_error(line, f"FEDRAT/{','.join(values)[:40]}: give MMPM and one number")
+            unit = 1.0 if "MMPM" in units else INCH if "IPM" in units else self.scale
+            self.feed = unit * _number(line, "FEDRAT", numbers[0])
+            if not self.feed > 0:
+                raise line_error(line, f"a feed of {self.feed:g} mm/min: give a positive one")
         elif word in ("GOTO", "FROM"):
             self._goto(line, word, [_number(line, word, value) for value in values])
         else:
             raise line_error(line, f"the word {word} is not known here: give straight moves (GOTO)")
-
-    def _feed(self, line: int, values: list[str]) -> None:
-        units = [value.strip() for value in values if not NUMBER.fullmatch(value.strip())]
-        numbers = [value for value in values if NUMBER.fullmatch(value.strip())]
-        if len(numbers) != 1 or not set(units) <= {"MMPM", "IPM", "PERMIN"}:
-            raise line_error(line, f"FEDRAT/{','.join(values)[:40]}: give MMPM and one number")
-        unit = 1.0 if "MMPM" in units else INCH if "IPM" in units else self.scale
-        self.feed = unit * _number(line, "FEDRAT", numbers[0])
-        if not self.feed > 0:
-            raise line_error(line, f"a feed of {self.feed:g} mm/min: give a positive one")
 
     def _goto(self, line: int, word: str, values: list[float]) -> None:
         if len(values) not in (3, 6):

@@ -101,7 +101,16 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         for name, column in reversed(post.get("held_by", {}).items()):
             sizes = f"{column['diameter_mm']:g} mm, z {column['from_mm']:g} to {column['to_mm']:g}"
             yield f"          on a {name} of {sizes}"
-        yield from _neck_lines(post.get("necks", ()))
+        # the necks that were tried, the one that is taken first
+        necks = post.get("necks", ())
+        if necks:
+            minutes = "    min" if "machining_min" in necks[0] else ""
+            yield f"          neck mm      uncut mm2   um/N     um    MPa      Hz{minutes}"
+        for neck in necks:
+            size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
+            moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
+            moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
+            yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
         yield from (f"          {text}" for text in _remedy_texts(post))
         if post.get("depths_found"):
             *first, beyond = post["depths_found"]
@@ -109,7 +118,17 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
             yield f"          bears cuts of {near}{beyond:g} mm"
         if "footprint_mm2" in post:
             yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
-        yield from _tailstock_lines(post.get("tailstock"))
+        # what holds the free end, and what of the part it takes from the tool
+        tailstock = post.get("tailstock")
+        if tailstock is not None:
+            x, y = tailstock["at_mm"]
+            ends = f"z {tailstock['from_mm']:.2f} to {tailstock['to_mm']:.2f}"
+            sizes = f"{tailstock['diameter_mm']:g} mm at ({x:.2f}, {y:.2f}), {ends}"
+            yield f"          held above by a {tailstock['kind']} of {sizes}"
+            yield f"          {tailstock['footprint_mm2']:.1f} mm2 of the part stay under it"
+            if tailstock.get("blocked_share"):
+                share = f"{100 * tailstock['blocked_share']:.0f} %"
+                yield f"          {share} of the part are in its way or that of its bracket"
         remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
         if remedies:
             yield f"          {', '.join(remedies)}"
@@ -119,44 +138,6 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         ]
         if costs:
             yield f"          {', '.join(costs)}"
-
-
-def _tailstock_lines(tailstock: Mapping[str, Any] | None) -> Iterator[str]:
-    """What holds the free end, and what of the part it takes from the tool."""
-    if tailstock is None:
-        return
-    x, y = tailstock["at_mm"]
-    ends = f"z {tailstock['from_mm']:.2f} to {tailstock['to_mm']:.2f}"
-    sizes = f"{tailstock['diameter_mm']:g} mm at ({x:.2f}, {y:.2f}), {ends}"
-    yield f"          held above by a {tailstock['kind']} of {sizes}"
-    yield f"          {tailstock['footprint_mm2']:.1f} mm2 of the part stay under it"
-    if tailstock.get("blocked_share"):
-        yield f"          {100 * tailstock['blocked_share']:.0f} % of the part are in its way or that of its bracket"
-
-
-def _neck_lines(necks: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """The necks that were tried, the one that is taken first."""
-    if necks:
-        minutes = "    min" if "machining_min" in necks[0] else ""
-        yield f"          neck mm      uncut mm2   um/N     um    MPa      Hz{minutes}"
-    for neck in necks:
-        size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
-        moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
-        moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
-        yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
-
-
-def neck_text(post: Mapping[str, Any]) -> str:
-    """What is foretold of the neck that is taken where none holds, beside what is wanted of one."""
-    taken = post["necks"][0]
-    wanted = post["neck_wanted"]
-    error = f"{taken['shift_um']:.1f} um of error at 95 % ({wanted['shift_um']:g} at most)"
-    stress = f"{taken['stress_mpa']:.0f} MPa at peaks ({wanted['stress_mpa']:.0f} at most)"
-    swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
-    size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
-    figures = f"{error}, {taken['shift_p99_um']:.0f} at 99 %; {stress}; {swing}"
-    none = "the neck does not hold" if post["neck_stated"] else "no neck holds"
-    return f"{none}: foretold on that of {size} are {figures}"
 
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
@@ -288,12 +269,21 @@ def holding_warnings(post: Sections, job: Job, kept: float | None = None) -> Ite
     told, most = UM * job.warnings.error, UM * job.mechanics.largest_error / FORETOLD_P99
     refused = most if kept is None and job.mechanics.refuse else None
     shift = taken["shift_p99_um"]
-    yield Warned("holding", neck_text(post), shift, told, refused, remedy=neck_remedy_text(post))
-    yields = YIELDS * post["neck_wanted"]["stress_mpa"]
+    # What is foretold of it, beside what is wanted of one
+    wanted = post["neck_wanted"]
+    error = f"{taken['shift_um']:.1f} um of error at 95 % ({wanted['shift_um']:g} at most)"
+    stress = f"{taken['stress_mpa']:.0f} MPa at peaks ({wanted['stress_mpa']:.0f} at most)"
+    swing = f"{taken['first_hz']:.0f} Hz ({wanted['first_hz']:.0f} at least)"
+    size = f"{taken['diameter_mm']:g} x {taken['length_mm']:g} mm"
+    none = "the neck does not hold" if post["neck_stated"] else "no neck holds"
+    figures = f"{error}, {shift:.0f} at 99 %; {stress}; {swing}"
+    remedy = neck_remedy_text(post)
+    yield Warned("holding", f"{none}: foretold on that of {size} are {figures}", shift, told, refused, remedy=remedy)
+    yields = YIELDS * wanted["stress_mpa"]
     if refused and taken["stress_mpa"] > yields:
         what = f"the neck of {taken['diameter_mm']:g} mm bears {taken['stress_mpa']:.0f} MPa at peaks"
         text = f"{what}, foretold, allowed {yields / FORETOLD_STRESS:.0f} (half of the yield strength)"
-        yield Warned("holding", text, taken["stress_mpa"], yields, yields, remedy=neck_remedy_text(post))
+        yield Warned("holding", text, taken["stress_mpa"], yields, yields, remedy=remedy)
 
 
 def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from bonecam.errors import knowing
 from bonecam.files import check_files
 from bonecam.finishing import Solid, naming
 from bonecam.job import Job
-from bonecam.levels import Morph, morph_open
+from bonecam.levels import morph_open
 from bonecam.machine import Machine
 from bonecam.machining import check_one_feed, post_and_prove
 from bonecam.mechanics.loads import mechanics_of_job
@@ -21,7 +20,7 @@ from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
 from bonecam.planning.contacts import MESH_SHARE, planned_tolerance
 from bonecam.planning.post_length import surface_holding
-from bonecam.planning.surface_paths import Workpiece, plan_surface, stand_workpiece
+from bonecam.planning.surface_paths import plan_surface, stand_workpiece
 from bonecam.progress import Progress, silent
 from bonecam.progress import part as part_of
 from bonecam.progress import report as report_progress
@@ -33,7 +32,6 @@ from bonecam.runtime.timing import StageTimes
 from bonecam.setup import schedule_of, smallest_capsule
 from bonecam.surface import TSpline
 from bonecam.surface.files.surface_input import check_surface_size, read_solid, refuse_changes
-from bonecam.tool import ToolPath
 from bonecam.wheels.channels import ChannelPlanner, indexed, require_ball, require_room, require_upright
 from bonecam.wheels.proof import RepeatedDistance, prove_removal_of_wheel, wheel_surfaces
 from bonecam.wheels.results import Bladed, edge_warnings, wheel_figures
@@ -102,8 +100,7 @@ def blades(
             others = [read_solid(solid, units) for solid in obstacles]
             wheel = wheel_of(surface, profile, count, others, edge)
             require_room(wheel, job)
-        plan = _planned(wheel, job, machine, times, progress)
-        bladed = _posted(plan, machine, dialect, name, program, times=times, progress=progress)
+        bladed = _programmed(wheel, job, machine, dialect, name, program, times=times, progress=progress)
         if simulation:
             bladed = _simulated(bladed, times, part_of(progress, 0.8, 1.0), mechanics=mechanics)
         figures = {**bladed.report, "seconds": times.seconds}
@@ -112,19 +109,18 @@ def blades(
     return bladed
 
 
-class _Plan(NamedTuple):
-    """The wheel on its post, its blank, the levels between hub and blank, and all paths."""
-
-    workpiece: Workpiece
-    wheel: Wheel
-    blank: TurnedBlank
-    morph: Morph
-    paths: tuple[ToolPath, ...]
-    job: Job
-
-
-def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progress: Progress) -> _Plan:
-    """The wheel on its post, the levels of its channels, and all paths."""
+def _programmed(
+    wheel: Wheel,
+    job: Job,
+    machine: Machine,
+    dialect: Dialect,
+    name: str,
+    file: File,
+    times: StageTimes,
+    progress: Progress,
+) -> Bladed:
+    """The wheel on its post, its blank, the levels of its channels, all paths, and their program, proved against hub
+    and every blade."""
     limits = machine_limits(machine)
     with times.stage("setup"):
         report_progress(progress, 0.0, "the wheel as one solid")
@@ -156,35 +152,27 @@ def _planned(wheel: Wheel, job: Job, machine: Machine, times: StageTimes, progre
         )
         blade = plan_surface(workpiece, scene, job, limits, standing)
         paths = tuple(indexed(path, wheel.count) for path in (*channel_paths, blade))
-    return _Plan(workpiece, wheel, blank, morph, paths, job)
-
-
-def _chord(job: Job) -> float:
-    """Chord tolerance (mm) of what must not be gouged, as fine as the gouge tolerance asks for."""
-    return MESH_SHARE * planned_tolerance(job.path.gouge_tolerance)
-
-
-def _posted(
-    plan: _Plan, machine: Machine, dialect: Dialect, name: str, file: File, times: StageTimes, progress: Progress
-) -> Bladed:
-    """The program of the paths, proved against hub and every blade."""
-    job, wheel, solid = plan.job, plan.wheel, plan.workpiece.solid
-    figures = wheel_figures(Path(name).name, wheel, plan.blank, plan.morph, plan.job, paths=plan.paths)
+    figures = wheel_figures(Path(name).name, wheel, blank, morph, job, paths=paths)
     warned = header_texts(figures, job, edge_warnings(wheel))
     proved = post_and_prove(
-        plan.paths,
+        paths,
         machine,
         dialect,
         job,
         RepeatedDistance(MeshDistance(wheel.with_one_blade(_chord(job))), wheel.count),
         name=program_name(file or Path(name).name, dialect),
-        comments=[*warned, f"wheel of {wheel.count} blades: {Path(name).name}", plan.blank.text],
+        comments=[*warned, f"wheel of {wheel.count} blades: {Path(name).name}", blank.text],
         times=times,
         progress=part_of(progress, 0.6, 0.8),
     )
-    reported = report_to_program(file, *proved, job=job.path, part=solid)
+    reported = report_to_program(file, *proved, job=job.path, part=workpiece.solid)
     figures = {**figures, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
-    return Bladed(plan.workpiece, proved.program, figures, job, wheel, plan.blank, plan.morph, proved.paths)
+    return Bladed(workpiece, proved.program, figures, job, wheel, blank, morph, proved.paths)
+
+
+def _chord(job: Job) -> float:
+    """Chord tolerance (mm) of what must not be gouged, as fine as the gouge tolerance asks for."""
+    return MESH_SHARE * planned_tolerance(job.path.gouge_tolerance)
 
 
 def _simulated(bladed: Bladed, times: StageTimes, progress: Progress, *, mechanics: bool) -> Bladed:

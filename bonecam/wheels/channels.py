@@ -160,19 +160,15 @@ class ChannelPlanner:
         paths = []
         above = _Body(revolved(self.channel.blank, CHORD, self.channel.wheel.count), CHORD)
         for level in machined_levels(levels)[::-1]:
-            left = self._left(level)
+            # what is left where all channels are cut to a level: blades with their allowance, and what lies under it
+            left = _Body(self._finished, self._blade_chord + wall_cusp(self.job))
+            if level.index:
+                profile, off = self.channel.under(level.surface)
+                under = revolved(profile, CHORD, self.channel.wheel.count)
+                left = _Body(solid_union([under, self._finished]), off + CHORD + wall_cusp(self.job))
             paths.append(self._path(level, left, above))
             above = left
         return paths, above.material
-
-    def _left(self, level: MachinedLevel) -> "_Body":
-        """What is left where all channels are cut to a level: the blades with their allowance, and what lies under
-        the level."""
-        if not level.index:
-            return _Body(self._finished, self._blade_chord + wall_cusp(self.job))
-        profile, above = self.channel.under(level.surface)
-        under = revolved(profile, CHORD, self.channel.wheel.count)
-        return _Body(solid_union([under, self._finished]), above + CHORD + wall_cusp(self.job))
 
     @cached_property
     def _finished(self) -> TriangleMesh:

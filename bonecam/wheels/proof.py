@@ -86,7 +86,25 @@ def wheel_surfaces(wheel: Wheel, solid: TriangleMesh, levels: Sequence[Level]) -
 def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
     """Normal probes on both sides of every blade and on the hub between them; `floor` is the surface of that in one
     channel, which reaches beyond the hub's ends."""
-    both = normal_probes_on(wheel.blade, CHORD), _hub_probes(wheel, floor)
+    # On the hub itself below the floor, where no blade stands on it; none where the floor, which goes straight on
+    # beyond the blades, is no longer on the hub
+    on_floor = normal_probes_on(floor, CHORD)
+    curve = meridional(on_floor.points)
+    lengths = places_on(wheel.profile, curve)
+    foot = point_at(wheel.profile, lengths)
+    places = np.column_stack([on_floor.points[:, :2] * (foot[:, :1] / curve[:, :1]), foot[:, 1]])
+    low, high = wheel.flow
+    bare = (lengths > low) & (lengths < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
+    hub = MeshDistance(revolved(wheel.profile, CHORD))
+    bare[bare] = hub.signed((places - DEEP * on_floor.normals)[bare]) < -0.8 * DEEP
+    beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
+    bare[bare] = ~beside.inside((places + ABOVE * on_floor.normals)[bare])
+    faces = bare[on_floor.mesh.faces].all(axis=1)
+    used = np.unique(on_floor.mesh.faces[faces])
+    mesh = keep_faces(replace(on_floor.mesh, vertices=places), faces)
+    on_hub = NormalProbes(mesh, places[used], on_floor.normals[used], on_floor.areas[used])
+
+    both = normal_probes_on(wheel.blade, CHORD), on_hub
     one = NormalProbes(
         side_by_side([each.mesh for each in both]),
         np.vstack([each.points for each in both]),
@@ -96,26 +114,6 @@ def wheel_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
     moved = [one.move(pose_about_z(2 * np.pi * k / wheel.count)) for k in range(wheel.count)]
     points, normals = np.vstack([each.points for each in moved]), np.vstack([each.normals for each in moved])
     return NormalProbes(repeated(one.mesh, wheel.count), points, normals, np.tile(one.areas, wheel.count))
-
-
-def _hub_probes(wheel: Wheel, floor: TSpline) -> NormalProbes:
-    """Normal probes on the hub itself below a `floor`, where no blade stands on it; none where the floor, which goes
-    straight on beyond the blades, is no longer on the hub."""
-    on_floor = normal_probes_on(floor, CHORD)
-    curve = meridional(on_floor.points)
-    lengths = places_on(wheel.profile, curve)
-    foot = point_at(wheel.profile, lengths)
-    points = np.column_stack([on_floor.points[:, :2] * (foot[:, :1] / curve[:, :1]), foot[:, 1]])
-    low, high = wheel.flow
-    bare = (lengths > low) & (lengths < high) & (np.linalg.norm(curve - foot, axis=1) < ROUGH)
-    hub = MeshDistance(revolved(wheel.profile, CHORD))
-    bare[bare] = hub.signed((points - DEEP * on_floor.normals)[bare]) < -0.8 * DEEP
-    beside = MeshDistance(repeated(wheel.coarse_blade, wheel.count))
-    bare[bare] = ~beside.inside((points + ABOVE * on_floor.normals)[bare])
-    faces = bare[on_floor.mesh.faces].all(axis=1)
-    used = np.unique(on_floor.mesh.faces[faces])
-    mesh = keep_faces(replace(on_floor.mesh, vertices=points), faces)
-    return NormalProbes(mesh, points[used], on_floor.normals[used], on_floor.areas[used])
 
 
 @dataclass(frozen=True, eq=False)

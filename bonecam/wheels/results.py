@@ -1,6 +1,6 @@
 """What a wheel hands back: its report, page, sheet and pictures, and its folder to keep."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +11,9 @@ import numpy as np
 from bonecam.files import write_whole
 from bonecam.job import Job
 from bonecam.levels import Morph
-from bonecam.machine.bodies import Table
-from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.mesh import write_mesh
 from bonecam.mesh.triangle_mesh import side_by_side
-from bonecam.nc import Program
-from bonecam.nc.header import ZeroWords, setup_texts, zero_words
+from bonecam.nc.header import setup_texts, zero_words
 from bonecam.nc.requirements import machine_and_dialect
 from bonecam.report import levels_report
 from bonecam.report.kept import keep_elements
@@ -38,7 +36,6 @@ from bonecam.report.stage_reports import uncut_areas
 from bonecam.report.summary import cuts_text, surface_summary
 from bonecam.report.warnings import Warned, warning_texts
 from bonecam.tool import MoveKind, ToolPath
-from bonecam.verify import Removal
 from bonecam.wheels.proof import wheel_surfaces
 from bonecam.wheels.wheel import TurnedBlank, Wheel, repeated
 
@@ -60,14 +57,72 @@ class Bladed(Machined):
 
     @cached_property
     def packed_view(self) -> bytes:
-        """What `view` shows, packed as `bonecam.report.page` has it."""
-        shapes = self.workpiece.solid, self.blank, self.levels, self.wheel
-        return pack(wheel_contents(*shapes, self.paths, self.program.text, self.job, self.report, self.removal))
+        """What `view` shows, packed as `bonecam.report.page` has it: the wheel as level 0, the levels of all its
+        channels, and the program's moves."""
+        solid, report = self.workpiece.solid, self.report
+        levels = [
+            {
+                "index": level.index,
+                "name": "channel" if level.index else "the wheel",
+                "faces": f"faces_{level.index}",
+                "limit": level.limit,
+            }
+            for level in self.levels.levels
+        ]
+        facts = {
+            "levels": levels,
+            "name": report["surface"]["file"],
+            "stock": {"text": self.blank.text},
+            "stock_bounds": self.blank.mesh.bounds.tolist(),
+            **held(solid, self.job),
+        }
+        arrays = {"solid": solid.vertices, "solid_faces": solid.faces}
+        meshes = wheel_surfaces(self.wheel, solid, self.levels.levels)
+        for index, mesh in meshes.items():
+            arrays |= {f"level_{index}": mesh.vertices, f"faces_{index}": mesh.faces}
+        followed = {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
+        posted = {"paths": self.paths, "removal": self.removal, "surfaces": followed}
+        shape = Contents(facts, arrays)
+        return pack(contents_with_program(shape, self.program.text, meshes, self.job, report, self.summary, **posted))
 
     @property
     def sheet(self) -> str:
         """The setup sheet as the text of an HTML file."""
-        page = wheel_article(self._title, self.workpiece.solid, self.blank, self.job, self.program, self.report)
+        blank, job, report, wheel = self.blank, self.job, self.report, self.report["wheel"]
+        machine, dialect = machine_and_dialect(job.nc)
+        zero = zero_words(machine, dialect)
+        radius = blank.diameter / 2
+        low, top = float(blank.profile[:, 1].min()), float(blank.profile[:, 1].max())
+        paper = Paper(radius, top)
+        draw_table(paper, machine.table)
+        paper.column(job.holding.diameter / 2, 0.0, low, "post")
+        paper.path(np.vstack([blank.profile, blank.profile[::-1] * [-1.0, 1.0]]), "stock")
+        for ends in outline(self.workpiece.solid):
+            paper.path(ends, "part", closed=False)
+        paper.height(0.0, low, radius, 32.0, f"{low:.2f}")
+        paper.height(low, top, radius, 32.0, f"{top - low:.2f}")
+        paper.width(radius, top, f"\u2300 {blank.diameter:.2f}", 4.0)
+        draw_zero(paper, zero)
+        page = article(
+            self._title,
+            self.program,
+            job,
+            report["nc"],
+            heading="Setup sheet: wheel",
+            caption="From the front (\u2212Y), sizes in mm: the blank, and the wheel in section Y 0.",
+            mounted="Blank, clamping, zero",
+            drawing=paper.svg("Turned blank, wheel, post and table from the front"),
+            setup=items([blank.text, PROFILE, *setup_texts(job, None, zero)]),
+            checks=items(
+                [
+                    *proof_lines(report["nc"]),
+                    f"{wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart where they are nearest",
+                    *simulated_lines(report),
+                ]
+            ),
+            left=items(left_lines(report, "blades and hub")),
+            warnings=items([*warning_texts(report["warnings"]), IN_AIR]),
+        )
         return setup_sheet(self._title, [page])
 
     def fill_folder(self, work: Path) -> None:
@@ -85,7 +140,37 @@ class Bladed(Machined):
         return str(self.report["surface"]["file"])
 
     def _draw(self, file: Path) -> str:
-        draw_wheel(self.workpiece.solid, self.blank, self.paths, self.wheel.count, file)
+        # The cuts of the first channel (from red at the blank to blue at the hub) and of the first blade (black) beside
+        # the blank's profile with the levels' contacts
+        from matplotlib import colormaps, figure
+        from matplotlib.tri import Triangulation
+
+        solid = self.workpiece.solid
+        drawing = figure.Figure(figsize=(14, 7), dpi=DPI)
+        plot = drawing.add_subplot(1, 2, 1, projection="3d")
+        faces = solid.faces[:: max(1, len(solid.faces) // MOST_FACES)]
+        plot.plot_trisurf(
+            Triangulation(solid.vertices[:, 0], solid.vertices[:, 1], faces),
+            solid.vertices[:, 2],
+            color="0.8",
+            linewidth=0,
+            alpha=0.4,
+        )
+        flat = drawing.add_subplot(1, 2, 2)
+        flat.fill(*np.vstack([self.blank.profile]).T, color="0.9", label="blank")
+        colours = colormaps["coolwarm"](np.linspace(1, 0, max(len(self.paths) - 1, 1)))
+        for path, colour in zip(self.paths, [*colours, "black"]):
+            one = slice(0, len(path.tips) // self.wheel.count)
+            cuts = path.kinds[one] == MoveKind.CUT
+            contacts = np.where(cuts[:, None], path.contacts[one], np.nan)
+            plot.plot(*contacts.T, color=colour, linewidth=0.4)
+            flat.plot(np.hypot(*contacts[:, :2].T), contacts[:, 2], color=colour, linewidth=0.3)
+        plot.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+        plot.set_aspect("equal")
+        plot.view_init(*WHEEL_VIEW)
+        flat.set(xlabel="radius (mm)", ylabel="z (mm)", aspect="equal")
+        flat.legend(loc="upper right")
+        save_figure(drawing, file)
         return "the wheel with the paths of one channel and of one blade, and its blank in section"
 
     def __repr__(self) -> str:
@@ -134,45 +219,6 @@ def wheel_figures(
     }
 
 
-def wheel_contents(
-    solid: TriangleMesh,
-    blank: TurnedBlank,
-    morph: Morph,
-    wheel: Wheel,
-    paths: Sequence[ToolPath],
-    program: str,
-    job: Job,
-    report: dict[str, Any],
-    removal: Removal | None,
-) -> Contents:
-    """The wheel as level 0, the levels of all its channels, and the program's moves."""
-    levels = [
-        {
-            "index": level.index,
-            "name": "channel" if level.index else "the wheel",
-            "faces": f"faces_{level.index}",
-            "limit": level.limit,
-        }
-        for level in morph.levels
-    ]
-    facts = {
-        "levels": levels,
-        "name": report["surface"]["file"],
-        "stock": {"text": blank.text},
-        "stock_bounds": blank.mesh.bounds.tolist(),
-        **held(solid, job),
-    }
-    arrays = {"solid": solid.vertices, "solid_faces": solid.faces}
-    meshes = wheel_surfaces(wheel, solid, morph.levels)
-    for index, mesh in meshes.items():
-        arrays |= {f"level_{index}": mesh.vertices, f"faces_{index}": mesh.faces}
-    followed = {index: mesh for index, mesh in meshes.items() if index < max(meshes)}
-    posted = {"paths": paths, "removal": removal, "surfaces": followed}
-    return contents_with_program(
-        Contents(facts, arrays), program, meshes, job, report, bladed_summary(report), **posted
-    )
-
-
 def bladed_summary(report: Mapping[str, Any]) -> str:
     """The report of a wheel likewise: wheel, blank, channels, program and removal."""
     wheel, area = report["wheel"], report["surface"]["area_mm2"]
@@ -187,92 +233,10 @@ PROFILE = "the blank's profile stands in blank.csv of the kept folder and in the
 """Where the machinist finds what to turn."""
 
 
-def wheel_article(
-    name: str, solid: TriangleMesh, blank: TurnedBlank, job: Job, program: Program, report: Mapping[str, Any]
-) -> str:
-    """The one clamping of a wheel."""
-    machine, dialect = machine_and_dialect(job.nc)
-    zero = zero_words(machine, dialect)
-    return article(
-        name,
-        program,
-        job,
-        report["nc"],
-        heading="Setup sheet: wheel",
-        caption="From the front (\u2212Y), sizes in mm: the blank, and the wheel in section Y 0.",
-        mounted="Blank, clamping, zero",
-        drawing=_wheel_drawing(solid, blank, job, machine.table, zero),
-        setup=items([blank.text, PROFILE, *setup_texts(job, None, zero)]),
-        checks=items(_wheel_checks(report)),
-        left=items(left_lines(report, "blades and hub")),
-        warnings=items([*warning_texts(report["warnings"]), IN_AIR]),
-    )
-
-
-def _wheel_drawing(solid: TriangleMesh, blank: TurnedBlank, job: Job, table: Table, zero: ZeroWords) -> str:
-    radius = blank.diameter / 2
-    top = float(blank.profile[:, 1].max())
-    low = float(blank.profile[:, 1].min())
-    paper = Paper(radius, top)
-    draw_table(paper, table)
-    paper.column(job.holding.diameter / 2, 0.0, low, "post")
-    paper.path(np.vstack([blank.profile, blank.profile[::-1] * [-1.0, 1.0]]), "stock")
-    for ends in outline(solid):
-        paper.path(ends, "part", closed=False)
-    paper.height(0.0, low, radius, 32.0, f"{low:.2f}")
-    paper.height(low, top, radius, 32.0, f"{top - low:.2f}")
-    paper.width(radius, top, f"\u2300 {blank.diameter:.2f}", 4.0)
-    draw_zero(paper, zero)
-    return paper.svg("Turned blank, wheel, post and table from the front")
-
-
-def _wheel_checks(report: Mapping[str, Any]) -> Iterator[str]:
-    """What was checked, and how well it held."""
-    yield from proof_lines(report["nc"])
-    wheel = report["wheel"]
-    yield f"{wheel['blades']} blades, {wheel['gap_mm']:.2f} mm apart where they are nearest"
-    yield from simulated_lines(report)
-
-
 MOST_FACES = 40_000
 """Faces of the wheel that are drawn at most: every so many of more."""
 WHEEL_VIEW = (50, -20)
 """Elevation and azimuth, degrees."""
-
-
-def draw_wheel(
-    solid: TriangleMesh, blank: TurnedBlank, paths: Sequence[ToolPath], count: int, file: str | Path
-) -> None:
-    """Write the wheel with the cuts of its first channel (from red at the blank to blue at the hub) and of its first
-    blade (black) beside the blank's profile with the levels' contacts; each path is repeated `count` times."""
-    from matplotlib import colormaps, figure
-    from matplotlib.tri import Triangulation
-
-    drawing = figure.Figure(figsize=(14, 7), dpi=DPI)
-    plot = drawing.add_subplot(1, 2, 1, projection="3d")
-    faces = solid.faces[:: max(1, len(solid.faces) // MOST_FACES)]
-    plot.plot_trisurf(
-        Triangulation(solid.vertices[:, 0], solid.vertices[:, 1], faces),
-        solid.vertices[:, 2],
-        color="0.8",
-        linewidth=0,
-        alpha=0.4,
-    )
-    flat = drawing.add_subplot(1, 2, 2)
-    flat.fill(*np.vstack([blank.profile]).T, color="0.9", label="blank")
-    colours = colormaps["coolwarm"](np.linspace(1, 0, max(len(paths) - 1, 1)))
-    for path, colour in zip(paths, [*colours, "black"]):
-        one = slice(0, len(path.tips) // count)
-        cuts = path.kinds[one] == MoveKind.CUT
-        contacts = np.where(cuts[:, None], path.contacts[one], np.nan)
-        plot.plot(*contacts.T, color=colour, linewidth=0.4)
-        flat.plot(np.hypot(*contacts[:, :2].T), contacts[:, 2], color=colour, linewidth=0.3)
-    plot.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
-    plot.set_aspect("equal")
-    plot.view_init(*WHEEL_VIEW)
-    flat.set(xlabel="radius (mm)", ylabel="z (mm)", aspect="equal")
-    flat.legend(loc="upper right")
-    save_figure(drawing, file)
 
 
 def edge_warnings(wheel: Wheel) -> list[Warned]:

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam.arrays import unit
-from bonecam.errors import FileError, SurfaceError
+from bonecam.errors import SurfaceError, file_error
 from bonecam.mesh import MeshLike
 from bonecam.mesh.files.points import POINTS, read_blocks
 from bonecam.mesh.units import mm_of
@@ -49,13 +49,20 @@ def read_sections(
     names = "".join(word[0] for word in columns.split())
     sections = [(path, block) for path in paths for block in read_blocks(path, names)]
     if len(sections) < 2:
-        raise FileError(f"{paths[0]}: one section is no blade: give two or more", file=str(paths[0]))
+        raise file_error(paths[0], "one section is no blade", "give two or more")
     if columns == POLAR:
         sections = [(path, _cartesian(block, path)) for path, block in sections]
         axis = axis.replace("x", "z")
     blocks = [scale * about_z(block, axis) for _, block in sections]
     rows = rows_of(blocks, paths[0])
-    return PointRows(_outward(rows.rows), rows.poles, rows.closed)
+
+    # Wound counter-clockwise seen along the way from the first to the last: S_s x S_t faces outward
+    middles = np.array([row.mean(axis=0) for row in rows.rows])
+    way = np.gradient(middles, axis=0)
+    areas = [np.cross(row - m, np.roll(row, -1, axis=0) - m).sum(axis=0) / 2 for row, m in zip(rows.rows, middles)]
+    inward = np.einsum("ri,ri->", np.array(areas), way) < 0
+    outward = tuple(row[::-1] if inward else row for row in rows.rows)
+    return PointRows(outward, rows.poles, rows.closed)
 
 
 def about_z(points: Float[ndarray, "n 3"], axis: str) -> Float[ndarray, "n 3"]:
@@ -72,22 +79,9 @@ def _cartesian(table: Float[ndarray, "n 3"], path: Path) -> Float[ndarray, "n 3"
     x, arc, r = table.T
     if not (r > 0).all():
         row = int(np.argmin(r > 0))
-        raise FileError(
-            f"{path}: point {row} of a section has the radius {r[row]:g}: give x, r*theta and r",
-            file=str(path),
-            row=row,
-        )
+        what = f"point {row} of a section has the radius {r[row]:g}"
+        raise file_error(path, what, "give x, r*theta and r", row=row)
     return np.column_stack([r * np.cos(arc / r), r * np.sin(arc / r), x])
-
-
-def _outward(rows: Sequence[Float[ndarray, "_ 3"]]) -> tuple[Float[ndarray, "_ 3"], ...]:
-    """Rows wound counter-clockwise seen along the way from the first to the last: S_s x S_t faces outward."""
-    middles = np.array([row.mean(axis=0) for row in rows])
-    way = np.gradient(middles, axis=0)
-    areas = [np.cross(row - m, np.roll(row, -1, axis=0) - m).sum(axis=0) / 2 for row, m in zip(rows, middles)]
-    if np.einsum("ri,ri->", np.array(areas), way) < 0:
-        return tuple(row[::-1] for row in rows)
-    return tuple(rows)
 
 
 INSERTED = 7
@@ -138,25 +132,22 @@ def read_flow_path(
         raise ValueError(f"axis {axis!r}: give x, or -x where it points down")
     blocks = read_blocks(file, COLUMNS[columns])
     if len(blocks) > 1:
-        raise FileError(f"{file}: holds {len(blocks)} curves: give one flow path a file", file=str(file))
+        raise file_error(file, f"holds {len(blocks)} curves", "give one flow path a file")
     table = blocks[0]
     if len(table) < 2:
-        raise FileError(f"{file}: one point is no curve: give two or more", file=str(file))
+        raise file_error(file, "one point is no curve", "give two or more")
     radius = np.hypot(table[:, 1], table[:, 2]) if table.shape[1] == 3 else table[:, 1]
     height = -table[:, 0] if axis == "-x" else table[:, 0]
     rows = scale * np.column_stack([radius, height])
     # FileError where a radius is not positive, or two points are one
     if not (rows[:, 0] > 0).all():
         row = int(np.argmin(rows[:, 0] > 0))
-        raise FileError(
-            f"{file}: point {row} has the radius {rows[row, 0]:g}: give the axial place and the radius",
-            file=str(file),
-            row=row,
-        )
+        what = f"point {row} has the radius {rows[row, 0]:g}"
+        raise file_error(file, what, "give the axial place and the radius", row=row)
     steps = np.linalg.norm(np.diff(rows, axis=0), axis=1)
     if not (steps > 0).all():
         row = int(np.argmin(steps > 0))
-        raise FileError(f"{file}: points {row} and {row + 1} coincide: remove one", file=str(file), row=row)
+        raise file_error(file, f"points {row} and {row + 1} coincide", "remove one", row=row)
     return rows
 
 

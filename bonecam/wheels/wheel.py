@@ -25,7 +25,7 @@ from bonecam.arrays import unit
 from bonecam.errors import MeshError, SurfaceError, place_name
 from bonecam.mesh import MeshDistance, TriangleMesh, vertex_normals
 from bonecam.mesh.rows import Isolines, lengths_along
-from bonecam.mesh.solids import revolve, segments_around, solid_union
+from bonecam.mesh.solids import band_faces, revolve, segments_around, solid_union
 from bonecam.mesh.triangle_mesh import side_by_side
 from bonecam.surface import TSpline, blade_solid, skin
 
@@ -93,10 +93,7 @@ def revolve_ring(profile: Float[ndarray, "r 2"], around: int) -> TriangleMesh:
     points = profile[:, :1, None] * ring + profile[:, 1:, None] * np.array([0.0, 0.0, 1.0])
     index = np.arange(len(profile) * around).reshape(-1, around)
     upper = np.roll(index, -1, axis=0)
-    a, b = index.ravel(), np.roll(index, -1, axis=1).ravel()
-    c, d = np.roll(upper, -1, axis=1).ravel(), upper.ravel()
-    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return TriangleMesh(points.reshape(-1, 3), faces.astype(np.int32))
+    return TriangleMesh(points.reshape(-1, 3), band_faces(index, upper).astype(np.int32))
 
 
 def places_on(curve: Float[ndarray, "n 2"], points: Float[ndarray, "k 2"]) -> Float[ndarray, " k"]:
@@ -456,7 +453,14 @@ def channel_of(wheel: Wheel, reach: float) -> Channel:
     s = np.linspace(left, right, SECTION_POINTS, endpoint=False)
     foot, tip = (mean_line(wheel.blade.positions(s, np.full(len(s), end))) for end in wheel.blade.domain[1])
     blade = meridional(wheel.coarse_blade.vertices)
-    contour = _contour(tip, blade)
+
+    # The blank over the blades, straight on at both ends: the tip's mean line, from below, as far off that no point of
+    # the `blade` lies above it
+    curve = tip[:, :2] if tip[0, 1] <= tip[-1, 1] else tip[::-1, :2]
+    beyond = EXTENDED * lengths_along(curve)[-1]
+    first, last = ((ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1]) for ends in (curve[:2], curve[:-3:-1]))
+    curve = np.vstack([curve[0] + beyond * first, curve, curve[-1] + beyond * last])
+    contour = curve + _above(curve, blade) * _normals_outward(curve)
 
     # The hub's profile beside the `blade`, and straight on by `reach` mm at either end
     lengths = places_on(wheel.profile, blade)
@@ -489,16 +493,18 @@ def channel_of(wheel: Wheel, reach: float) -> Channel:
     order = np.argsort(at, kind="stable")
     azimuths = np.interp(lengths, at[order], foot[order, 2])
 
-    across = np.linspace(0.0, wheel.pitch, ACROSS)
-    surface = _finer(skin(_rows(point_at(floor, lengths), azimuths, across), TOLERANCE, closed=False))
-    return Channel(wheel, surface, _roof(surface, contour), blank)
+    # Points of the hub, each row across the channel from its own azimuth on
+    angle = azimuths[:, None] + np.linspace(0.0, wheel.pitch, ACROSS)
+    radius, height = point_at(floor, lengths).T[:, :, None]
+    flat = radius * np.cos(angle), radius * np.sin(angle)
+    rows = np.stack([*flat, np.broadcast_to(height, angle.shape)], axis=2)
+    surface = skin(rows, TOLERANCE, closed=False)
 
-
-def _finer(floor: TSpline) -> TSpline:
-    """The unchanged floor with twice as many control points along t, for levels that the roof forms too."""
-    (left, right), (low, high) = floor.domain
+    # with twice as many control points along t, for levels that the roof forms too
+    (left, right), (low, high) = surface.domain
     t = np.linspace(low, high, 4 * ROWS)
-    return floor.refine(np.full(len(t), (left + right) / 2), t, "t")
+    surface = surface.refine(np.full(len(t), (left + right) / 2), t, "t")
+    return Channel(wheel, surface, _roof(surface, contour), blank)
 
 
 def _roof(floor: TSpline, contour: Float[ndarray, "k 2"]) -> TSpline:
@@ -513,16 +519,6 @@ def _roof(floor: TSpline, contour: Float[ndarray, "k 2"]) -> TSpline:
     R = sp.csr_array(floor.basis(s, t)[0])
     ways = spsolve(sp.csc_array(R.T @ R), R.T @ (wanted - points))
     return floor.with_control_points(floor.control_points + ways)
-
-
-def _contour(tip: Float[ndarray, "m 3"], blade: Float[ndarray, "v 2"]) -> Float[ndarray, "k 2"]:
-    """The contour of the blank over the blades, straight on at both ends: the tip's mean line, from below, as far off
-    that no point of the `blade` lies above it."""
-    curve = tip[:, :2] if tip[0, 1] <= tip[-1, 1] else tip[::-1, :2]
-    reach = EXTENDED * lengths_along(curve)[-1]
-    first, last = ((ends[0] - ends[1]) / np.linalg.norm(ends[0] - ends[1]) for ends in (curve[:2], curve[:-3:-1]))
-    curve = np.vstack([curve[0] + reach * first, curve, curve[-1] + reach * last])
-    return curve + _above(curve, blade) * _normals_outward(curve)
 
 
 def _normals_outward(curve: Float[ndarray, "k 2"]) -> Float[ndarray, "k 2"]:
@@ -562,12 +558,3 @@ def _require_inside(wheel: Wheel, blank: Float[ndarray, "n 2"]) -> None:
             place=place,
             error=float(off.max()),
         )
-
-
-def _rows(
-    curve: Float[ndarray, "m 2"], azimuths: Float[ndarray, " m"], across: Float[ndarray, " n"]
-) -> Float[ndarray, "m n 3"]:
-    """Points of the surface of revolution of a curve, each row across the channel from its own azimuth on."""
-    angle = azimuths[:, None] + across
-    radius, height = curve.T[:, :, None]
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, angle.shape)], axis=2)

@@ -24,7 +24,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from bonecam_plugins.meshlab.guards import meshlab_refusals
 
-from bonecam.errors import BonecamError, FileError, FilterError
+from bonecam.errors import BonecamError, FileError, FilterError, file_error
 from bonecam.files import input_bytes, write_whole
 from bonecam.mesh.meshlab import meshlab
 
@@ -67,7 +67,7 @@ def read_calls(path: str | Path) -> list[FilterCall]:
     try:
         data = input_bytes(path)
     except OSError as error:
-        raise FileError(f"{path}: {error.strerror}: give a readable .mlx script", file=str(path)) from error
+        raise file_error(path, f"{error.strerror}", "give a readable .mlx script") from error
     calls: list[FilterCall] = []
     parameters: list[ScriptParameter] = []
     inside: list[str] = []
@@ -117,7 +117,7 @@ def read_calls(path: str | Path) -> list[FilterCall]:
         ) from error
     except (LookupError, ValueError) as error:  # of an encoding that Python has, but not for XML
         reason = f"its encoding cannot be read ({error})"
-        raise FileError(f"{path}: {reason}: write the script in UTF-8", file=str(path)) from error
+        raise file_error(path, reason, "write the script in UTF-8") from error
     return calls
 
 

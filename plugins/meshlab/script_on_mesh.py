@@ -1,6 +1,7 @@
 """What a filter script (.mlx) does in its process: load meshes as layers, apply filters, write the layers."""
 
 import re
+from itertools import chain, count
 from pathlib import Path
 
 from bonecam_plugins.meshlab.filter import Registry, installed
@@ -45,7 +46,13 @@ def apply_run(run: Run, registry: Registry | None, progress: Progress) -> None:
         meshes.set_current_mesh(key)
         layer = meshes.current_mesh()
         lines = layer.edge_number() > 0 and layer.face_number() == 0
-        target = _free_name(run.folder, layer.label(), ".obj" if lines else ".ply")
+        # a name made of the label; one that is there already gets a number
+        label, ending = layer.label(), ".obj" if lines else ".ply"
+        stem = label[: -len(Path(label).suffix)] if Path(label).suffix.lower() in READABLE else label
+        stem = re.sub(r"[^\w.-]+", "_", stem).strip("._") or "layer"
+        names = chain([stem], (f"{stem}_{number}" for number in count(2)))
+        places = (run.folder / f"{name}{ending}" for name in names)
+        target = next(place for place in places if not place.exists())
         try:
             with library_name(target.parent) as place:
                 meshes.save_current_mesh(str(Path(place) / target.name))
@@ -70,15 +77,3 @@ def load(meshes: MeshSet, file: str | Path) -> None:
         meshes.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces), in_unicode(Path(file).name))
         return
     meshes.load_new_mesh(str(file))
-
-
-def _free_name(folder: Path, label: str, ending: str) -> Path:
-    """A name made of the label; one that is there already gets a number."""
-    stem = label[: -len(Path(label).suffix)] if Path(label).suffix.lower() in READABLE else label
-    stem = re.sub(r"[^\w.-]+", "_", stem).strip("._") or "layer"
-    number = 1
-    name = stem
-    while (folder / f"{name}{ending}").exists():
-        number += 1
-        name = f"{stem}_{number}"
-    return folder / f"{name}{ending}"

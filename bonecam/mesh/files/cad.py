@@ -209,14 +209,6 @@ def faces_of(shape: Any) -> list[Any]:
     return [occ().TopoDS.TopoDS.Face(face) for face in parts_of(shape, "FACE")]
 
 
-def diagonal_of(shape: Any) -> float:
-    """Length of the diagonal of the bounding box of a shape, mm; 0 where the shape is empty."""
-    lib = occ()
-    box = lib.Bnd.Bnd_Box()
-    lib.BRepBndLib.BRepBndLib.Add_s(shape, box, False)
-    return 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
-
-
 def area_of(shape: Any) -> float:
     """Area of all faces of a shape, mm^2."""
     properties = occ().GProp.GProp_GProps()
@@ -289,7 +281,9 @@ def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> Triang
     no deflection keeps it.
     """
     lib = occ()
-    diagonal = diagonal_of(shape)
+    box = lib.Bnd.Bnd_Box()
+    lib.BRepBndLib.BRepBndLib.Add_s(shape, box, False)
+    diagonal = 0.0 if box.IsVoid() else float(np.sqrt(box.SquareExtent()))
     tolerance = chord_tolerance or DEFAULT_CHORD_TOLERANCE * diagonal
     if not LEAST_DEFLECTION <= min(DEFLECTION_FACTORS) * DEFLECTION * tolerance < np.inf:
         what = f"{diagonal:g} mm from corner to corner: it cannot be tessellated within {tolerance:g} mm"
@@ -297,7 +291,7 @@ def tessellate_shape(shape: Any, chord_tolerance: float | None = None) -> Triang
     whole = shape if parts_of(shape, "SOLID") else sew(shape, SEWING_TOLERANCE * diagonal)
     area = area_of(whole)
     # The shape with each face that closes on itself cut into several
-    divided = occ().ShapeUpgrade.ShapeUpgrade_ShapeDivideClosed(whole)
+    divided = lib.ShapeUpgrade.ShapeUpgrade_ShapeDivideClosed(whole)
     divided.SetNbSplitPoints(CLOSED_FACE_CUTS)
     divided.Perform()
     for factor, candidate in product(DEFLECTION_FACTORS, (divided.Result(), whole)):

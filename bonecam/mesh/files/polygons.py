@@ -216,7 +216,13 @@ def _ears(vertices: Float[ndarray, "n 3"], corners: Int64[ndarray, " k"]) -> Int
     tried = 0
     while len(left) > 3:
         trio = [left[at - 1], left[at], left[(at + 1) % len(left)]]
-        if tried >= len(left) or _is_ear(flat, trio, left):
+        a, b, c = flat[trio]
+        is_ear = tried >= len(left)
+        if not is_ear and _side(a, b, c) > 0:  # it turns left: no other corner that is left may lie in its triangle
+            others = flat[[k for k in left if k not in trio]]
+            inside = (_side(a, b, others) >= 0) & (_side(b, c, others) >= 0) & (_side(c, a, others) >= 0)
+            is_ear = not inside.any()
+        if is_ear:
             triangles.append(trio)
             del left[at]
             tried = 0
@@ -225,16 +231,6 @@ def _ears(vertices: Float[ndarray, "n 3"], corners: Int64[ndarray, " k"]) -> Int
             tried += 1
         at %= len(left)
     return corners[np.array([*triangles, left])]
-
-
-def _is_ear(flat: Float[ndarray, "k 2"], trio: list[int], left: list[int]) -> bool:
-    """Whether a corner turns left and no other corner that is left lies in its triangle."""
-    a, b, c = flat[trio]
-    if _side(a, b, c) <= 0:
-        return False
-    others = flat[[k for k in left if k not in trio]]
-    inside = (_side(a, b, others) >= 0) & (_side(b, c, others) >= 0) & (_side(c, a, others) >= 0)
-    return not inside.any()
 
 
 def _side(a: ndarray, b: ndarray, points: ndarray) -> ndarray:
@@ -308,11 +304,23 @@ def parse_obj(data: bytes) -> Content:
             if kind == "v":
                 points.extend(point(words[1:], line))
         elif kind == "f":
-            for table, named in _columns(words[1:], line, totals):
-                highest[table] = max(highest[table], (max(named), line))
-                if table == "v":
+            # the vertices, and the texture corners and normals where it names them, counted from 1
+            parts = [word.split("/") for word in words[1:]]
+            if any(len(part) > len(NAMES) or not part[0] for part in parts):
+                message = f"has a word where a number should stand ({' '.join(words[1:])[:40]!r})"
+                raise ContentError(message, line=line)
+            for k, table in enumerate(NAMES):
+                texts = [part[k] for part in parts if len(part) > k and part[k]]
+                named = [i if i >= 0 else i + totals[table] + 1 for i in whole_numbers(texts, line)]
+                if min(named, default=1) < 1:
+                    raise ContentError("a face names a vertex before the first", line=line)
+                if k == 0:
+                    if len(named) < 3 or len(set(named)) < len(named) > 3:
+                        what = f"a face of {len(named)} corners, {len(set(named))} of them different"
+                        raise ContentError(what, line=line)
                     corners.extend(index - 1 for index in named)
                     counts.append(len(named))
+                highest[table] = max(highest[table], (max(named, default=0), line))
         elif kind not in OTHERS or (len(words) < 2 and kind not in MAY_STAND_ALONE):
             raise ContentError(f"{' '.join(words)[:40]!r} is nothing of an OBJ", line=line)
         elif kind in left_out:
@@ -322,25 +330,6 @@ def parse_obj(data: bytes) -> Content:
             raise ContentError(f"a face names {NAMES[table]} {index} of {totals[table]}", line=line)
     notes = left_out_note({NO_FACES[kind]: count for kind, count in left_out.items()})
     return filled(points, corners, counts, notes)
-
-
-def _columns(words: list[str], line: int, totals: dict[str, int]) -> list[tuple[str, list[int]]]:
-    """The vertices of a face, and the texture corners and normals where it names them, counted from 1."""
-    parts = [word.split("/") for word in words] if "/" in "".join(words) else [[word] for word in words]
-    if any(len(part) > len(NAMES) or not part[0] for part in parts):
-        raise ContentError(f"has a word where a number should stand ({' '.join(words)[:40]!r})", line=line)
-    columns = []
-    for k, table in enumerate(NAMES):
-        texts = [part[k] for part in parts if len(part) > k and part[k]]
-        named = [i if i >= 0 else i + totals[table] + 1 for i in whole_numbers(texts, line)]
-        if min(named, default=1) < 1:
-            raise ContentError("a face names a vertex before the first", line=line)
-        if k == 0 and (len(named) < 3 or len(set(named)) < len(named) > 3):
-            what = f"a face of {len(named)} corners, {len(set(named))} of them different"
-            raise ContentError(what, line=line)
-        if named:
-            columns.append((table, named))
-    return columns
 
 
 HEADER = 84

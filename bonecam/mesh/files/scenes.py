@@ -64,7 +64,20 @@ def parse_glb(data: bytes) -> Content:
     """The vertices and triangles of a GLB, m (glTF 2.0, 3.4). ContentError where it needs an extension that is not
     known, moves its vertices by a skeleton, or holds primitives that are no faces."""
     try:
-        header, buffers = _chunks(data)
+        magic, _, length, size, kind = struct.unpack_from("<4s2I I4s", data)
+        if magic != b"glTF" or kind != b"JSON":
+            remedy = "give a GLB, or name the file by its true kind"
+            raise ContentError("cannot be read as GLB (no glTF 2 in it)", remedy)
+        if length != len(data):
+            raise ContentError(f"tells of {length} bytes, {len(data)} are there", CUT_SHORT)
+        header = json.loads(data[20 : 20 + size])
+        # the first buffer is its binary chunk if it is not written out in the header
+        buffers = []
+        for buffer in header.get("buffers", []):
+            kind, comma, text = buffer.get("uri", "").partition(",")
+            if kind and not (comma and kind.startswith("data:") and kind.endswith("base64")):
+                raise ContentError("keeps its numbers in another file", "export it as one GLB")
+            buffers.append(base64.b64decode(text) if kind else data[20 + size + 8 :])
         for name in header.get("extensionsRequired", []):
             if not name.startswith(HARMLESS):
                 raise ContentError(f"needs {name}, which is not read", "export it without compression or extensions")
@@ -87,24 +100,6 @@ def parse_glb(data: bytes) -> Content:
         "more places of its meshes in other scenes": sum(node.get("mesh") in shown for node in nodes) - shown.total(),
     }
     return _content(placed, "m", left_out_note(left_out))
-
-
-def _chunks(data: bytes) -> tuple[dict[str, Any], list[bytes]]:
-    """The header of a GLB and its buffers, the first of which is its binary chunk if it is not written out in the
-    header."""
-    magic, _, length, size, kind = struct.unpack_from("<4s2I I4s", data)
-    if magic != b"glTF" or kind != b"JSON":
-        raise ContentError("cannot be read as GLB (no glTF 2 in it)", "give a GLB, or name the file by its true kind")
-    if length != len(data):
-        raise ContentError(f"tells of {length} bytes, {len(data)} are there", CUT_SHORT)
-    header = json.loads(data[20 : 20 + size])
-    buffers = []
-    for buffer in header.get("buffers", []):
-        kind, comma, text = buffer.get("uri", "").partition(",")
-        if kind and not (comma and kind.startswith("data:") and kind.endswith("base64")):
-            raise ContentError("keeps its numbers in another file", "export it as one GLB")
-        buffers.append(base64.b64decode(text) if kind else data[20 + size + 8 :])
-    return header, buffers
 
 
 def _require_covered(header: dict[str, Any], buffers: list[bytes]) -> None:

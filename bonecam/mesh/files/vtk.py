@@ -74,12 +74,23 @@ def _section(data: bytes, word: bytes, start: int, binary: bool, typed: bool = F
     if data.startswith(b"OFFSETS", head.end()):
         offsets, end = _numbers(data, rb"OFFSETS\s+()(\w+)", head.end(), binary, 1, count=int(head[1]))
         corners, end = _numbers(data, rb"CONNECTIVITY\s+()(\w+)", end, binary, 1, count=int(head[2]))
-        cells = corners.astype(np.int64), np.diff(offsets.astype(np.int64))
+        cells: Cells = corners.astype(np.int64), np.diff(offsets.astype(np.int64))
     else:
         rows, end = _values(data, head.end(), binary, b"int", int(head[2]))
         if (rows != np.rint(rows)).any():
             raise ContentError("has corners that are no whole numbers")
-        cells = _unrolled(rows.astype(np.int64), int(head[1]))
+        # rows `count, corner ...` one after another
+        rows = rows.astype(np.int64)
+        counts = np.empty(int(head[1]), dtype=np.int64)
+        corner = np.ones(len(rows), dtype=bool)
+        at = 0
+        for polygon in range(len(counts)):
+            if at >= len(rows):
+                raise ContentError("is cut short: polygons are missing", CUT_SHORT)
+            counts[polygon] = rows[at]
+            corner[at] = False
+            at += 1 + max(int(rows[at]), 0)
+        cells = rows[corner], counts
     ends = [end]
     if typed:
         types, end = _numbers(data, rb"CELL_TYPES\s+(\d+)()", end, binary, 1)
@@ -125,20 +136,6 @@ def _values(data: bytes, start: int, binary: bool, kind: bytes, count: int) -> t
     if len(values) < count:
         raise ContentError("is cut short", CUT_SHORT)
     return values, len(data) - len(rest)
-
-
-def _unrolled(rows: ndarray, number: int) -> Cells:
-    """Corners and counts of rows `count, corner ...` one after another."""
-    counts = np.empty(number, dtype=np.int64)
-    corner = np.ones(len(rows), dtype=bool)
-    at = 0
-    for polygon in range(number):
-        if at >= len(rows):
-            raise ContentError("is cut short: polygons are missing", CUT_SHORT)
-        counts[polygon] = rows[at]
-        corner[at] = False
-        at += 1 + max(int(rows[at]), 0)
-    return rows[corner], counts
 
 
 def _content(points: ndarray, polygons: Cells | None, strips: Cells | None = None) -> Content:

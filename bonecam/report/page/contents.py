@@ -26,7 +26,7 @@ from scipy.spatial import cKDTree
 
 import bonecam
 from bonecam.arrays import dots, lengths
-from bonecam.errors import FileError
+from bonecam.errors import file_error
 from bonecam.job import Job
 from bonecam.levels.measure import Level, rounding_cuts
 from bonecam.machine.bodies import Table
@@ -78,8 +78,21 @@ def pack(contents: Contents) -> bytes:
     for name, array in contents.arrays.items():
         if not len(array):
             continue
-        entry, block = _packed(np.asarray(array))
-        index[name] = {**entry, "at": at}
+        columns = array.reshape(len(array), -1)
+        entry: dict[str, Any] = {"shape": list(array.shape)}
+        if array.dtype == np.uint8:
+            size, block = 1, array.tobytes()
+        else:
+            size, whole = INTEGER_BYTES, columns
+            if array.dtype.kind == "f":
+                size = FLOAT_BYTES
+                low = columns.min(axis=0)
+                step = float(np.ptp(columns, axis=0).max()) / (2 ** (8 * size) - 1)
+                entry |= {"low": low.tolist(), "step": step}
+                whole = np.rint((columns - low) / (step or 1.0))
+            differences = np.diff(whole.astype(np.int64), axis=0, prepend=0) & (2 ** (8 * size) - 1)
+            block = b"".join((differences >> (8 * k)).astype(np.uint8).T.tobytes() for k in range(size))
+        index[name] = {**entry, "bytes": size, "at": at}
         blocks.append(block)
         at += len(block)
     head = json.dumps({"bonecam_view": VERSION, "facts": contents.facts, "arrays": index}).encode()
@@ -93,39 +106,13 @@ def unpack(packed: bytes, file: str) -> Contents:
         size = int.from_bytes(data[:4], "little")
         head = json.loads(data[4 : 4 + size])
         version = head["bonecam_view"]
-    except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{file}: is damaged: make it again with --keep", file=file) from error
-    if version != VERSION:
-        raise FileError(
-            f"{file}: has version {version!r}, this bonecam reads {VERSION}: make it again with --keep, or use "
-            "the bonecam that made it",
-            file=file,
-        )
-    try:
+        if version != VERSION:
+            what = f"has version {version!r}, this bonecam reads {VERSION}"
+            raise file_error(file, what, "make it again with --keep, or use the bonecam that made it")
         arrays = {name: _unpacked(entry, data, 4 + size) for name, entry in head["arrays"].items()}
         return Contents(dict(head["facts"]), arrays)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(f"{file}: is damaged: make it again with --keep", file=file) from error
-
-
-def _packed(array: ndarray) -> tuple[dict[str, Any], bytes]:
-    """How an array is described, and its bytes."""
-    columns = array.reshape(len(array), -1)
-    entry: dict[str, Any] = {"shape": list(array.shape)}
-    if array.dtype.kind == "f":
-        size = FLOAT_BYTES
-        low = columns.min(axis=0)
-        step = float(np.ptp(columns, axis=0).max()) / (2 ** (8 * size) - 1)
-        entry |= {"low": low.tolist(), "step": step}
-        whole = np.rint((columns - low) / (step or 1.0)).astype(np.int64)
-    elif array.dtype == np.uint8:
-        return {**entry, "bytes": 1}, array.tobytes()
-    else:
-        size = INTEGER_BYTES
-        whole = columns.astype(np.int64)
-    differences = np.diff(whole, axis=0, prepend=0) & (2 ** (8 * size) - 1)
-    planes = [(differences >> (8 * k)).astype(np.uint8).T.tobytes() for k in range(size)]
-    return {**entry, "bytes": size}, b"".join(planes)
+    except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise file_error(file, "is damaged", "make it again with --keep") from error
 
 
 def _unpacked(entry: Mapping[str, Any], data: bytes, start: int) -> ndarray:
@@ -185,13 +172,15 @@ def shape_contents(part: Part, levels: Sequence[Level], stock: Stock, job: Job) 
     shown, which = part.placed_given, "as given"
     if len(part.given.faces) > MOST_FACES:
         shown, which = part.mesh, "as repaired: the given one has too many faces to show"
-    # How far each vertex of the fitted mesh lies outside the given one, mm
+    # How far each vertex of the fitted mesh lies outside the given one, and outside that of the given one, mm
     fitted = levels[0].mesh
     away = fitted.vertices - exact_closest(shown, fitted.vertices)[0]
+    closest, faces = exact_closest(fitted, shown.vertices)
+    back = closest - shown.vertices
     arrays |= {
         "given": shown.vertices,
         "given_faces": shown.faces,
-        "given_deviation": _outside(shown, levels[0].mesh),
+        "given_deviation": np.sign(dots(back, fitted.face_vectors[faces])) * lengths(back),
         "deviation": np.sign(dots(away, vertex_normals(fitted))) * lengths(away),
     }
     post = post_below(part.mesh, job.holding)
@@ -223,10 +212,17 @@ def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str
         arrays[f"level_{level.index}"] = level.mesh.vertices
         arrays[f"depth_{level.index}"] = lengths(level.mesh.vertices - exact_closest(before, level.mesh.vertices)[0])
         before = level.mesh
+        name = "finishing" if job.is_finishing(level.index) else "roughing"
+        if level.index == 0:
+            name = "the part"
+        elif level.index == len(levels) - 1:
+            name = "the stock"
+        elif level.index in rounding:
+            name = "rounds the stock"
         reported.append(
             {
                 "index": level.index,
-                "name": _name(level, len(levels), job, rounding),
+                "name": name,
                 "faces": faces[shape],
                 "limit": level.limit,
                 "deepest": level.deepest,
@@ -235,24 +231,6 @@ def _levels(levels: Sequence[Level], job: Job) -> tuple[dict[str, Any], dict[str
             }
         )
     return {"levels": reported}, arrays
-
-
-def _name(level: Level, count: int, job: Job, rounding: range) -> str:
-    """What a level is, in a word or two."""
-    if level.index == 0:
-        return "the part"
-    if level.index == count - 1:
-        return "the stock"
-    if level.index in rounding:
-        return "rounds the stock"
-    return "finishing" if job.is_finishing(level.index) else "roughing"
-
-
-def _outside(given: TriangleMesh, fitted: TriangleMesh) -> Float[ndarray, " n"]:
-    """How far the fitted mesh lies outside each vertex of the given one, mm."""
-    closest, faces = exact_closest(fitted, given.vertices)
-    away = closest - given.vertices
-    return np.sign(dots(away, fitted.face_vectors[faces])) * lengths(away)
 
 
 def bodies(job: Job, table: Table) -> dict[str, Any]:

@@ -23,7 +23,6 @@ from bonecam.job import HoldingJob, Job
 from bonecam.machine.bodies import Table
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.machine import Machine
-from bonecam.machine.machine_file import RotaryAxis
 from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.header import ZeroWords, asked_material, second_setup_texts, setup_texts, zero_words
@@ -67,19 +66,16 @@ def axis_ranges(motions: Motions, machine: Machine) -> list[AxisRange]:
     joints = np.vstack(parts)
     joints[:, 3:] = np.degrees(joints[:, 3:])
     lows, highs = joints.min(axis=0), joints.max(axis=0)
-    rooms = [*(f"{axis.travel:g} mm of travel" for axis in machine.linear), *map(_room, machine.own_rotary)]
+    rooms = []
+    for axis in machine.own_rotary:
+        lowest, highest = np.degrees(axis.limits)
+        endless = axis.endless and not np.isfinite(lowest)
+        rooms.append("endless" if endless else f"{lowest:g} to {highest:g} degrees")
+    rooms = [*(f"{axis.travel:g} mm of travel" for axis in machine.linear), *rooms]
     return [
         AxisRange(letter, float(low), float(high), room)
         for letter, low, high, room in zip(machine.letters, lows, highs, rooms, strict=False)
     ]
-
-
-def _room(axis: RotaryAxis) -> str:
-    """The limits of a rotary axis in words."""
-    low, high = np.degrees(axis.limits)
-    if axis.endless and not np.isfinite(low):
-        return "endless"
-    return f"{low:g} to {high:g} degrees"
 
 
 WIDTH, HEIGHT = 86.0, 102.0
@@ -127,6 +123,11 @@ class Paper:
         """A line between places on paper."""
         self.elements.append(f'<line class="{kind}" x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"/>')
 
+    def axis(self, top: float) -> None:
+        """The axis of what is drawn up to a height."""
+        x, bottom = self.at(0.0, -2.0 / self.scale)
+        self.line(x, bottom, x, self.at(0.0, top)[1] - 3, "axis")
+
     def height(self, low: float, high: float, from_x: float, column: float, words: str) -> None:
         """A dimension between two heights, `column` mm of paper right of the middle; its words beside it."""
         x = WIDTH / 2 + column
@@ -171,7 +172,20 @@ def _clamping_drawing(
     # the column of a bracket stands beside the paper: header and list tell where
     paper = Paper(widest, max([high, *(column.top for column in beside)]))
     draw_table(paper, table)
-    _draw_post(paper, post, low + post.radius, parting, widest)
+
+    # The post, with its parting groove and the height of that, beside the sizes right of what is widest
+    top = low + post.radius
+    if parting is None:
+        paper.column(post.radius, 0.0, top, "post")
+    else:
+        groove = Groove(parting["z_mm"], parting["width_mm"] / 2, parting["bridge_diameter_mm"] / 2, post.radius)
+        side = np.vstack([[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]])
+        paper.path(np.vstack([side, (side * [-1.0, 1.0])[::-1]]), "post")
+        x, y = paper.at(groove.bridge, groove.middle)
+        beside_sizes = paper.at(widest, 0.0)[0] + SIZES
+        paper.line(x + 1, y, beside_sizes + 1, y, "extension")
+        paper.text(beside_sizes + 1.6, y + 3.5, f"parting Z {groove.middle:.2f}", "start")
+
     for name, column in held.items():
         paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
     for column in (*beside, *post.solids[1:]):
@@ -180,26 +194,10 @@ def _clamping_drawing(
     paper.path(places[ConvexHull(places).vertices], "stock")
     for ends in outline(part):
         paper.path(ends, "part", closed=False)
-    x, bottom = paper.at(0.0, -2.0 / paper.scale)
-    paper.line(x, bottom, x, paper.at(0.0, high)[1] - 3, "axis")
+    paper.axis(high)
     _draw_sizes(paper, stock, post, holding, widest)
     draw_zero(paper, zero)
     return paper.svg("Stock, post, chuck and table from the front")
-
-
-def _draw_post(paper: Paper, post: Post, top: float, parting: Mapping[str, Any] | None, widest: float) -> None:
-    """The post up to a height, with its parting groove and the height of that, beside the sizes right of what is
-    `widest`."""
-    if parting is None:
-        paper.column(post.radius, 0.0, top, "post")
-        return
-    groove = Groove(parting["z_mm"], parting["width_mm"] / 2, parting["bridge_diameter_mm"] / 2, post.radius)
-    side = np.vstack([[[post.radius, 0.0]], groove.outline(post.radius), [[post.radius, max(top, groove.middle)]]])
-    paper.path(np.vstack([side, (side * [-1.0, 1.0])[::-1]]), "post")
-    x, y = paper.at(groove.bridge, groove.middle)
-    beside = paper.at(widest, 0.0)[0] + SIZES
-    paper.line(x + 1, y, beside + 1, y, "extension")
-    paper.text(beside + 1.6, y + 3.5, f"parting Z {groove.middle:.2f}", "start")
 
 
 def draw_table(paper: Paper, table: Table) -> None:
@@ -272,6 +270,8 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
     machine, dialect = machine_and_dialect(job.nc)
     zero = zero_words(machine, dialect)
     post = post_below(part.mesh, job.holding)
+    material = asked_material(job)
+    speeds = [f"Speeds of {material.title}: {material.note}"] if material is not None else []
     return article(
         Path(part.file).name,
         program,
@@ -286,7 +286,7 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
         setup=items(setup_texts(job, stock, zero)),
         checks=items(_checks(report)),
         left=items(_left(report)),
-        warnings=items(_warnings(job, report)),
+        warnings=items([*warning_texts(report["warnings"]), IN_AIR, *speeds]),
     )
 
 
@@ -415,15 +415,6 @@ def _left(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"What stays at the {above['kind']} of the tailstock, {area:.1f} mm², is removed by hand"
 
 
-def _warnings(job: Job, report: Mapping[str, Any]) -> Iterator[str]:
-    """What the machinist must look at before the start."""
-    yield from warning_texts(report["warnings"])
-    yield IN_AIR
-    material = asked_material(job)
-    if material is not None:
-        yield f"Speeds of {material.title}: {material.note}"
-
-
 IN_AIR = "The program has not run on a control: run it in the air first, and check datum and tool lengths"
 """What is told of every program."""
 
@@ -433,6 +424,10 @@ def second_article(name: str, clamping: SecondClamping, job: Job, program: Progr
     of the shell."""
     machine, dialect = machine_and_dialect(job.nc)
     zero = zero_words(machine, dialect)
+    # what stays where the post stood
+    before, after = report["at_post_before_mm2"], report["at_post_after_mm2"]
+    most = f"{report['at_post_after_max_mm']:.2f} mm at most"
+    tailstock = report.get("at_tailstock_mm2")
     return article(
         name,
         program,
@@ -443,8 +438,21 @@ def second_article(name: str, clamping: SecondClamping, job: Job, program: Progr
         mounted="Part, shell, clamping, zero",
         drawing=_second_drawing(clamping, job, machine.table, zero),
         setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero)),
-        checks=items(_second_checks(report)),
-        left=items(_second_left(report)),
+        checks=items(
+            [
+                *proof_lines(report),
+                *simulated_lines(report, ", beginning with what the first program left"),
+                f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most",
+                f"The tool stays {report['removal']['clearance_mm']['shell']:.2f} mm from the shell",
+            ]
+        ),
+        left=items(
+            [
+                f"At the post {after:.1f} of {before:.1f} mm² still keep more than 0.02 mm, {most}",
+                *([f"At the tailstock {tailstock:.1f} mm² stay, to be cut by hand"] if tailstock else []),
+                *(f"Uncut: {line}" for line in uncut_lines(report["toolpath"], {})),
+            ]
+        ),
         warnings=items([*warning_texts(report["warnings"]), IN_AIR, *WARNINGS]),
     )
 
@@ -454,26 +462,6 @@ WARNINGS = (
     "A stump that is left higher than the drawing tells is met by the tool where nothing is expected",
 )
 """What the machinist must look at before the start."""
-
-
-def _second_checks(report: Mapping[str, Any]) -> Iterator[str]:
-    """What was checked, and how well it held."""
-    removal = report["removal"]
-    yield from proof_lines(report)
-    yield from simulated_lines(report, ", beginning with what the first program left")
-    yield f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
-    yield f"The tool stays {removal['clearance_mm']['shell']:.2f} mm from the shell"
-
-
-def _second_left(report: Mapping[str, Any]) -> Iterator[str]:
-    """What stays where the post stood."""
-    before, after = report["at_post_before_mm2"], report["at_post_after_mm2"]
-    most = f"{report['at_post_after_max_mm']:.2f} mm at most"
-    yield f"At the post {after:.1f} of {before:.1f} mm² still keep more than 0.02 mm, {most}"
-    if report.get("at_tailstock_mm2"):
-        yield f"At the tailstock {report['at_tailstock_mm2']:.1f} mm² stay, to be cut by hand"
-    for line in uncut_lines(report["toolpath"], {}):
-        yield f"Uncut: {line}"
 
 
 def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
@@ -496,8 +484,7 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
     for kind, pieces in outlines.items():
         for ends in pieces:
             paper.path(ends, kind, closed=False)
-    x, bottom = paper.at(0.0, -2.0 / paper.scale)
-    paper.line(x, bottom, x, paper.at(0.0, clamping.top)[1] - 3, "axis")
+    paper.axis(clamping.top)
     right = paper.scale * widest
     paper.height(low, high, float(shell.bounds[1, 0]), right + 6, f"shell {high - low:.2f}")
     paper.height(0.0, clamping.top, -post, -right - 6, f"Z {clamping.top:.2f}")

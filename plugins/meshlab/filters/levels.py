@@ -19,6 +19,9 @@ CATEGORY = "Bonecam: Stock and Levels"
 POST = HoldingJob(diameter=4.0)
 """Defaults of the post's parameters, as published: scripts that do not name it stand on the table with it."""
 
+STANDING = (*parameters_of(POST, prefix="post_"), *parameters_of(LevelsJob(), only=("chord_tolerance",)))
+"""The parameters of what stands on its post."""
+
 
 def generate_stock(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Filters `generate_stock` and `generate_stock_capsule`: layers of the stock and of the part on its
@@ -113,11 +116,7 @@ FILTERS = (
         "the table, z = 0) as layers. "
         "The part's layer becomes the current one and keeps the stock.",
         CATEGORY,
-        (
-            *parameters_of(StockJob(), only=("diameter", "length", "allowance", "spare_volume")),
-            *parameters_of(POST, prefix="post_"),
-            *parameters_of(LevelsJob(), only=("chord_tolerance",)),
-        ),
+        (*parameters_of(StockJob(), only=("diameter", "length", "allowance", "spare_volume")), *STANDING),
         generate_stock,
     ),
     Filter(
@@ -129,11 +128,7 @@ FILTERS = (
         "zero is the table, z = 0) as "
         "layers. The part's layer becomes the current one and keeps the stock.",
         CATEGORY,
-        (
-            *parameters_of(StockJob()),
-            *parameters_of(POST, prefix="post_"),
-            *parameters_of(LevelsJob(), only=("chord_tolerance",)),
-        ),
+        (*parameters_of(StockJob()), *STANDING),
         generate_stock,
     ),
     Filter(

@@ -12,7 +12,7 @@ from bonecam_plugins.meshlab.layers import Layers
 from bonecam.errors import FilterError
 from bonecam.job import MaterialJob, NcJob, PathJob, ToolJob
 from bonecam.progress import Progress
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool.path import MoveKind
 
 CATEGORY = "Bonecam: Tool Paths"
 ROUGH = ToolJob()
@@ -45,7 +45,11 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
     source = layers.meshset.current_mesh_id()
     for path in paths:
         layers.select(source)
-        add_path(layers, path)
+        # the way of the tip as a polyline; quality 0 cut, 1 link, 2 rapid
+        count = len(path.tips)
+        edges = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+        kinds = np.asarray(path.kinds, dtype=np.float64)
+        layers.add_polyline(np.asarray(path.tips), edges, f"toolpath_{path.level:02d}", kinds)
     layers.select(source)
     layers.keep(toolpath=paths, job=job)
     return {
@@ -53,15 +57,6 @@ def plan_toolpath(layers: Layers, values: Mapping[str, Any], progress: Progress)
         "moves": np.array([len(path.tips) for path in paths]),
         "uncut_contacts": np.array([len(path.uncut) for path in paths]),
     }
-
-
-def add_path(layers: Layers, path: ToolPath) -> None:
-    """The way of the cutter's tip on one level as a polyline layer; quality 0 cut, 1 link, 2 rapid."""
-    count = len(path.tips)
-    edges = np.column_stack([np.arange(count - 1), np.arange(1, count)])
-    layers.add_polyline(
-        np.asarray(path.tips), edges, f"toolpath_{path.level:02d}", np.asarray(path.kinds, dtype=np.float64)
-    )
 
 
 def draw_cones(layers: Layers, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
