@@ -609,7 +609,18 @@ def rough_layer(
         curves = every.take(points)
         cut = material.cut(curves.a, curves.b, curves.heights, radius)
         centres = curves.centres(chart)
-        runs = split(curves, free[points] & _with_leads(curves, centres, cut > rough.least))
+        # The needed points and those within LEAD of them along their line.
+        needed = cut > rough.least
+        kept = np.zeros(len(needed), dtype=bool)
+        for line in np.unique(curves.line[needed]):
+            rows = np.flatnonzero(curves.line == line)
+            along = np.r_[0.0, np.linalg.norm(np.diff(centres[rows], axis=0), axis=1).cumsum()]
+            at = along[needed[rows]]
+            place = np.searchsorted(at, along)
+            ahead = np.abs(along - at[np.maximum(place - 1, 0)])
+            behind = np.abs(at[np.minimum(place, len(at) - 1)] - along)
+            kept[rows] = np.minimum(ahead, behind) <= LEAD
+        runs = split(curves, free[points] & kept)
         order = nearest_order([(centres[run[0]], centres[run[-1]]) for run in runs], here)
         for number, backwards in order:
             run = runs[number][::-1] if backwards else runs[number]
@@ -643,20 +654,6 @@ def rough_down(
         if len(layer.path.contacts):
             layers.append(layer)
     return layers, material
-
-
-def _with_leads(curves: LayerCurves, centres: Float[ndarray, "n 3"], needed: ndarray) -> ndarray:
-    """The needed points and those within LEAD of them along their line."""
-    kept = np.zeros(len(needed), dtype=bool)
-    for line in np.unique(curves.line[needed]):
-        rows = np.flatnonzero(curves.line == line)
-        along = np.r_[0.0, np.linalg.norm(np.diff(centres[rows], axis=0), axis=1).cumsum()]
-        at = along[needed[rows]]
-        place = np.searchsorted(at, along)
-        before = np.abs(along - at[np.maximum(place - 1, 0)])
-        behind = np.abs(at[np.minimum(place, len(at) - 1)] - along)
-        kept[rows] = np.minimum(before, behind) <= LEAD
-    return kept
 
 
 def _swept(runs: Sequence[LayerCurves], width: float) -> tuple[ndarray, ndarray, ndarray]:

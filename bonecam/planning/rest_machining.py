@@ -111,7 +111,29 @@ class RestMachining:
             return None
         step = min(steps, key=lambda step: step.minutes(self.turn_speed))
         self.taken += 1
-        step = _gouge_free(step)
+        # The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit.
+        candidates = step.candidates
+        radius = step.candidates.cutter.envelope_radius
+        index = np.concatenate(step.runs)
+        ends = np.cumsum([len(run) for run in step.runs])
+        joined = np.ones(len(index), dtype=bool)
+        joined[ends - 1] = False
+        normals = candidates.normals[index]
+        lifts = gouge_free_lifts(
+            candidates.centres[index] + step.raised[index] - radius * normals,
+            normals,
+            radius=radius,
+            tolerance=candidates.gouge_tolerance,
+            obstacles=candidates.obstacles,
+            joined=joined,
+            max_lift=MAX_LIFT_RADII * candidates.cutter.radius,
+        )
+        raised = step.raised.copy()
+        raised[index] += np.nan_to_num(lifts)[:, None] * normals
+        fits = np.isfinite(lifts)
+        apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
+        pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
+        step = RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
         lines = step.candidates.lines
         runs = entered_runs(lines, step.runs, step.depth, step.raised, self.allowed.of_step.limit)
         segments = engaged_segments_of(in_turn(lines, runs))
@@ -232,29 +254,3 @@ def _raised(
             break
         raised[left] += OVERSHOOT * more[moved, None] * away[moved]
     return raised
-
-
-def _gouge_free(step: RestStep) -> RestStep:
-    """The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit."""
-    candidates = step.candidates
-    radius = step.candidates.cutter.envelope_radius
-    index = np.concatenate(step.runs)
-    ends = np.cumsum([len(run) for run in step.runs])
-    joined = np.ones(len(index), dtype=bool)
-    joined[ends - 1] = False
-    normals = candidates.normals[index]
-    lifts = gouge_free_lifts(
-        candidates.centres[index] + step.raised[index] - radius * normals,
-        normals,
-        radius=radius,
-        tolerance=candidates.gouge_tolerance,
-        obstacles=candidates.obstacles,
-        joined=joined,
-        max_lift=MAX_LIFT_RADII * candidates.cutter.radius,
-    )
-    raised = step.raised.copy()
-    raised[index] += np.nan_to_num(lifts)[:, None] * normals
-    fits = np.isfinite(lifts)
-    apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
-    pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
-    return RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)

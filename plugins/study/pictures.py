@@ -14,9 +14,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam import Result
-from bonecam.material.dexels import Dexels
+from bonecam.material import Dexels
 from bonecam.mesh import MeshDistance, TriangleMesh
-from bonecam.report.pictures import (
+from bonecam.report import (
     add_legend,
     colours_of,
     lay_out,

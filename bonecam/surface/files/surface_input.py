@@ -176,9 +176,27 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     enclose a part.
     """
     if holds_tspline(path):
-        surface, points = _saved(path, scale, max_control_points)
+        # The T-spline of a file, and no points.
+        if scale != 1:
+            raise UnitsError(
+                f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
+            )
+        surface = load_surface(path)
+        count = surface.tmesh.size
+        if count > max_control_points:
+            what = f"has {count} control points, {max_control_points} are allowed"
+            raise SurfaceError(f"{path}: {what}: raise surface.max_control_points", file=str(path))
+        check_surface_size(surface, path)
+        points = np.empty((0, 3))
     else:
-        surface, points = _skinned(path, scale, tolerance, max_control_points)
+        # The surface through the rows of a file, and their points, mm
+        rows = read_rows(path).scaled(scale)
+        points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
+        _check_size(points, path)
+        try:
+            surface = rows.skin(tolerance, max_control_points)
+        except (ValueError, SurfaceError) as error:
+            raise SurfaceError(f"{path}: {error}", file=str(path)) from error
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
         remedy = (
             "give a pole (one point) as the first and the last block"
@@ -190,34 +208,6 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     check_outward(surface, str(path))
     deviation = _deviation(surface, points)
     return Fit(surface, deviation, tolerance, deviation.max <= tolerance)
-
-
-def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSpline, Float[ndarray, "0 3"]]:
-    """The T-spline of a file, and no points."""
-    if scale != 1:
-        raise UnitsError(
-            f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
-        )
-    surface = load_surface(path)
-    count = surface.tmesh.size
-    if count > max_control_points:
-        what = f"has {count} control points, {max_control_points} are allowed"
-        raise SurfaceError(f"{path}: {what}: raise surface.max_control_points", file=str(path))
-    check_surface_size(surface, path)
-    return surface, np.empty((0, 3))
-
-
-def _skinned(
-    path: str | Path, scale: float, tolerance: float, max_control_points: int
-) -> tuple[TSpline, Float[ndarray, "n 3"]]:
-    """The surface through the rows of a file, and their points, mm."""
-    rows = read_rows(path).scaled(scale)
-    points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
-    _check_size(points, path)
-    try:
-        return rows.skin(tolerance, max_control_points), points
-    except (ValueError, SurfaceError) as error:
-        raise SurfaceError(f"{path}: {error}", file=str(path)) from error
 
 
 def check_surface_size(surface: TSpline, name: str | Path) -> None:
