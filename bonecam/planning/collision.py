@@ -357,30 +357,27 @@ class FclModel:
         open_ = np.flatnonzero(names == "")
         for k, item in reversed(list(enumerate(self.sections))):
             here = open_[asked[open_, k]]
-            names[here[self._contained(item, tips[here], axes[here])]] = item.section.name
+            # Whether a section lies wholly inside an obstacle in each pose, or contains one.
+            places = tips[here]
+            directions = axes[here]
+            section, around = item.section, item.around
+            middles = places + (section.start + section.end) / 2 * directions
+            caught = around.mesh_distance.signed(middles) < 0
+            if self.clamping.closed:
+                caught |= middles[:, 2] < self.clamping.clearance
+            points = [around.mesh.vertices[0]]
+            for column in around.columns:
+                caught |= column.distance(middles) < 0
+                points.append(np.array([column.x, column.y, column.top]))
+
+            for point in points:
+                heights = dots(point - places, directions)
+                away = lengths(point - places - heights[:, None] * directions)
+                radius = section.radius + section.taper * (heights - section.start)
+                within = (section.start < heights) & (heights < section.end)
+                caught |= within & (away < radius - around.scene.tangent_slack)
+            names[here[caught]] = item.section.name
         return names.tolist()
-
-    def _contained(
-        self, item: FclSection, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
-    ) -> Bool[ndarray, " n"]:
-        """Whether a section lies wholly inside an obstacle in each pose, or contains one."""
-        section, around = item.section, item.around
-        middles = tips + (section.start + section.end) / 2 * axes
-        caught = around.mesh_distance.signed(middles) < 0
-        if self.clamping.closed:
-            caught |= middles[:, 2] < self.clamping.clearance
-        points = [around.mesh.vertices[0]]
-        for column in around.columns:
-            caught |= column.distance(middles) < 0
-            points.append(np.array([column.x, column.y, column.top]))
-
-        for point in points:
-            heights = dots(point - tips, axes)
-            away = lengths(point - tips - heights[:, None] * axes)
-            radius = section.radius + section.taper * (heights - section.start)
-            within = (section.start < heights) & (heights < section.end)
-            caught |= within & (away < radius - around.scene.tangent_slack)
-        return np.asarray(caught)
 
 
 @lru_cache(maxsize=2)

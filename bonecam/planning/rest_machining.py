@@ -234,23 +234,19 @@ def _step(
         cut[run] = np.minimum(cut[run], step * np.minimum(np.minimum(rising, falling), 1.0))
     index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
     raised = np.zeros((len(depth), 3))
-    raised[index] = _raised(candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index])
-    return RestStep(candidates, runs, depth, raised)
-
-
-def _raised(
-    centres: Float[ndarray, "n 3"], radius: float, material: InProcessStock, cut: Float[ndarray, " n"]
-) -> Float[ndarray, "n 3"]:
-    """What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
-    nearest place, and again, as it may then be too deep in another wall."""
-    raised = np.zeros((len(centres), 3))
+    # What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
+    # nearest place, and again, as it may then be too deep in another wall.
+    centres = candidates.centres[index]
+    wanted = cut[index]
+    shift = np.zeros((len(centres), 3))
     left = np.arange(len(centres))
     for _ in range(MAX_ROUNDS):
-        depth, away = material.depths(centres[left] + raised[left], radius)
-        more = depth - cut[left]
+        sunk, away = material.depths(centres[left] + shift[left], candidates.cutter.envelope_radius)
+        more = sunk - wanted[left]
         moved = more > UNCERTAIN / 2
         left = left[moved]
         if not len(left):
             break
-        raised[left] += OVERSHOOT * more[moved, None] * away[moved]
-    return raised
+        shift[left] += OVERSHOOT * more[moved, None] * away[moved]
+    raised[index] = shift
+    return RestStep(candidates, runs, depth, raised)

@@ -195,7 +195,21 @@ def check_limits(motions: Motions, machine: Machine) -> None:
     for column, linear in enumerate(machine.linear):
         _check_linear(noses, column, linear)
         _check_travel(noses, column, linear)
-    _check_retracts(noses, machine.linear[2])
+    # Retracts to a height in machine coordinates; without limits of Z it is not known where that height is
+    low, high = machine.linear[2].limits
+    if not np.isfinite(high - low):
+        return
+    top = float(noses.ends[:, 2].max(initial=-np.inf))
+    for move in motions.partial:
+        height = move.joints[2]
+        if not move.retract or not np.isfinite(height):
+            continue
+        if not low - GUARD <= height <= high + GUARD:
+            raise _beyond("Z", height, low if height < low else high, "mm", move.line)
+        if height < top - GUARD:
+            what = f"the retract to Z {height:g} of the machine is below the spindle nose at its highest ({top:.1f} mm)"
+            remedy = "correct the limits and part_zero of the machine's file, or the retract of the dialect's"
+            raise VerifyError(f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height)
 
 
 def _known(motions: Motions, column: int) -> tuple[Float[ndarray, "m"], Int[ndarray, "m"]]:
@@ -274,25 +288,6 @@ def _extreme(
     if len(extremes) and extremes.max() > sign * values[at]:
         return sign * float(extremes.max()), int(noses.motions.lines[moves[np.argmax(extremes)]])
     return float(values[at]), int(lines[at])
-
-
-def _check_retracts(noses: NoseMoves, axis: LinearAxis) -> None:
-    """VerifyError where a retract to a height in machine coordinates is beyond the limits of Z, or below a move.
-    Without limits it is not known where that height is."""
-    low, high = axis.limits
-    if not np.isfinite(high - low):
-        return
-    top = float(noses.ends[:, 2].max(initial=-np.inf))
-    for move in noses.motions.partial:
-        height = move.joints[2]
-        if not move.retract or not np.isfinite(height):
-            continue
-        if not low - GUARD <= height <= high + GUARD:
-            raise _beyond("Z", height, low if height < low else high, "mm", move.line)
-        if height < top - GUARD:
-            what = f"the retract to Z {height:g} of the machine is below the spindle nose at its highest ({top:.1f} mm)"
-            remedy = "correct the limits and part_zero of the machine's file, or the retract of the dialect's"
-            raise VerifyError(f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height)
 
 
 def _beyond(letter: str, value: float, limit: float, unit: str, line: int) -> VerifyError:

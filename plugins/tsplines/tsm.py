@@ -812,7 +812,12 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
         values = np.array(rows)
         weights = values[:, 3:]
         points = values[:, :3] / weights if homogeneous else values[:, :3]
-        points = points * (_scale(records.header, path) if to_mm else 1.0)
+        if to_mm:
+            unit = records.header.get("units", ["", "?"])[-1]
+            if unit not in MILLIMETRES:
+                remedy = f"state one of {', '.join(MILLIMETRES)} (units)"
+                raise file_error(path, f"its unit {unit!r} is not known", remedy)
+            points = points * MILLIMETRES[unit]
         stated = records.header.get("end-conditions") == [MIRRORED]
         if stated and not records.owners and not all(tmesh.period):
             tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
@@ -851,13 +856,6 @@ def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) 
             file=str(place),
         )
     write_whole(path, text)
-
-
-def _scale(header: dict[str, list[str]], path: Path) -> float:
-    unit = header.get("units", ["", "?"])[-1]
-    if unit not in MILLIMETRES:
-        raise file_error(path, f"its unit {unit!r} is not known", f"state one of {', '.join(MILLIMETRES)} (units)")
-    return MILLIMETRES[unit]
 
 
 READER = Reader("surface", partial(read_tsm, to_mm=True), write_tsm)

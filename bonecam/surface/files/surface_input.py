@@ -206,7 +206,13 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
         alone = "`bonecam finish` machines a surface alone"
         raise SurfaceError(f"{path}: encloses no part: {remedy}; {alone}", file=str(path))
     check_outward(surface, str(path))
-    deviation = _deviation(surface, points)
+    # The largest and the RMS distance of the points from the surface, mm, and the place of the largest
+    deviation = Deviation(0.0, 0.0, 0.0, 0.0, surface.control_points[0])
+    if len(points):
+        distances = surface.project(points).distances
+        worst = float(distances.max())
+        rms = float(np.sqrt(np.mean(distances**2)))
+        deviation = Deviation(worst, rms, 0.0, worst, points[np.argmax(distances)])
     return Fit(surface, deviation, tolerance, deviation.max <= tolerance)
 
 
@@ -224,15 +230,6 @@ def _check_size(points: Float[ndarray, "n 3"], path: str | Path) -> None:
     if not size <= SPARE * LARGEST:
         what = f"{size:.3g} mm from corner to corner: parts have {LARGEST:g} mm at most"
         raise UnitsError(f"{path}: {what}: scale it first", size_mm=size)
-
-
-def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
-    """The largest and the RMS distance of the points from the surface, mm, and the place of the largest."""
-    if not len(points):
-        return Deviation(0.0, 0.0, 0.0, 0.0, surface.control_points[0])
-    distances = surface.project(points).distances
-    worst = float(distances.max())
-    return Deviation(worst, float(np.sqrt(np.mean(distances**2))), 0.0, worst, points[np.argmax(distances)])
 
 
 def check_outward(surface: TSpline, file: str) -> None:
