@@ -26,16 +26,7 @@ import numpy as np
 from bonecam.errors import LevelError, SurfaceError
 from bonecam.job import Job
 from bonecam.levels.closed_morph import begin_morph, require_seeds_inside, require_types
-from bonecam.levels.measure import (
-    NO_CUT,
-    Level,
-    Measures,
-    PartLevel,
-    RoundedLevel,
-    StockLevel,
-    measures_of,
-    morph_surfaces,
-)
+from bonecam.levels.measure import NO_CUT, Measures, PartLevel, RoundedLevel, StockLevel, measures_of, morph_surfaces
 from bonecam.levels.open_morph import body_surfaces
 from bonecam.levels.problem import factorise, integration_points, samples_of, thin_plate
 from bonecam.levels.sequences import BegunMorph, Morph
@@ -110,8 +101,61 @@ class BegunLevels:
         schedule = self.morph.schedule
         if self.inner is self.stock:
             return morph
-        levels = _with_rounding_levels(morph, self.inner, self.stock, schedule)
-        return replace(morph, levels=levels, lower_bound=self.lower_bound(schedule), distance=self.distance)
+        # All levels: those of the morph to `inner`, which gets a surface, then those that round the stock down to it.
+        first = morph.levels[-1]
+        stock_mesh = self.stock.mesh(CHORD)
+        farthest = float(self.inner.signed_distance(stock_mesh.vertices).max())
+        offsets = _offsets(farthest, schedule, first.index)
+        bodies = [self.inner, *(self.inner.offset(offset) for offset in offsets[:-1])]
+        surfaces = body_surfaces(bodies)
+
+        # The fit that starts at the points of the last level of the morph
+        outermost = morph_surfaces(morph.levels)[-1]
+        samples = samples_of(outermost, *integration_points(outermost))
+        matrix = samples.N + FIT_STIFFNESS * thin_plate(outermost)
+        points = samples.R @ outermost.control_points
+        fit = factorise(matrix)
+
+        levels = list(morph.levels[:-1])
+        for k, (body, surface) in enumerate(zip(bodies, surfaces, strict=True), start=first.index):
+            # Each point goes to the nearest point of the body, but no farther than to the wall of the stock, which
+            # bisection finds
+            target = body.closest_points(points)
+            low = np.zeros((len(points), 1))
+            high = np.ones((len(points), 1))
+            for _ in range(BISECTIONS):
+                middle = (low + high) / 2
+                inside = self.stock.signed_distance(points + middle * (target - points))[:, None] <= 0
+                low = np.where(inside, middle, low)
+                high = np.where(inside, high, middle)
+            control_points = fit.solve(samples.moments(points + high * (target - points)))
+
+            if k == first.index:
+                mesh, measures = first.mesh, first.measures
+            else:
+                half_spaces = np.vstack([half_spaces_of(stock_mesh), half_spaces_of(body.mesh(CHORD))])
+                mesh = intersect(half_spaces, self.stock.middle)
+                before = bodies[k - first.index - 1]
+                measures = _measure(levels[-1].mesh, mesh, before, self.stock, schedule.limit(k))
+            certificate = first.certificate if k == first.index else None
+            limit = schedule.limit(k)
+            levels.append(
+                RoundedLevel(
+                    k,
+                    surface,
+                    mesh=mesh,
+                    limit=limit,
+                    measures=measures,
+                    stock=self.stock,
+                    control_points=control_points,
+                    certificate=certificate,
+                )
+            )
+
+        k = first.index + len(bodies)
+        measures = _measure(levels[-1].mesh, stock_mesh, bodies[-1], self.stock, schedule.limit(k))
+        last = StockLevel(k, stock_mesh, schedule.limit(k), measures)
+        return replace(morph, levels=(*levels, last), lower_bound=self.lower_bound(schedule), distance=self.distance)
 
 
 def levels_in(surface: TSpline, stock: Stock, schedule: Schedule, **options: Any) -> Morph:
@@ -135,64 +179,6 @@ def begin_levels(surface: TSpline, stock: Stock, schedule: Schedule, **options: 
         require_inside(stock, part_mesh.vertices, MARGIN)
         inner = require_roundable(stock, part_mesh.vertices, MARGIN)
     return BegunLevels(surface, part_mesh, stock, inner, begin_morph(surface, inner, schedule, **options))
-
-
-def _with_rounding_levels(morph: Morph, inner: Stock, stock: Stock, schedule: Schedule) -> tuple[Level, ...]:
-    """All levels: those of the morph to `inner`, which gets a surface, then those that round the stock down
-    to it."""
-    first = morph.levels[-1]
-    stock_mesh = stock.mesh(CHORD)
-    farthest = float(inner.signed_distance(stock_mesh.vertices).max())
-    offsets = _offsets(farthest, schedule, first.index)
-    bodies = [inner, *(inner.offset(offset) for offset in offsets[:-1])]
-    surfaces = body_surfaces(bodies)
-
-    # The fit that starts at the points of the last level of the morph
-    outermost = morph_surfaces(morph.levels)[-1]
-    samples = samples_of(outermost, *integration_points(outermost))
-    matrix = samples.N + FIT_STIFFNESS * thin_plate(outermost)
-    points = samples.R @ outermost.control_points
-    fit = factorise(matrix)
-
-    levels = list(morph.levels[:-1])
-    for k, (body, surface) in enumerate(zip(bodies, surfaces, strict=True), start=first.index):
-        # Each point goes to the nearest point of the body, but no farther than to the wall of the stock, which
-        # bisection finds
-        target = body.closest_points(points)
-        low = np.zeros((len(points), 1))
-        high = np.ones((len(points), 1))
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            inside = stock.signed_distance(points + middle * (target - points))[:, None] <= 0
-            low = np.where(inside, middle, low)
-            high = np.where(inside, high, middle)
-        control_points = fit.solve(samples.moments(points + high * (target - points)))
-
-        if k == first.index:
-            mesh, measures = first.mesh, first.measures
-        else:
-            half_spaces = np.vstack([half_spaces_of(stock_mesh), half_spaces_of(body.mesh(CHORD))])
-            mesh = intersect(half_spaces, stock.middle)
-            before = bodies[k - first.index - 1]
-            measures = _measure(levels[-1].mesh, mesh, before, stock, schedule.limit(k))
-        certificate = first.certificate if k == first.index else None
-        limit = schedule.limit(k)
-        levels.append(
-            RoundedLevel(
-                k,
-                surface,
-                mesh=mesh,
-                limit=limit,
-                measures=measures,
-                stock=stock,
-                control_points=control_points,
-                certificate=certificate,
-            )
-        )
-
-    k = first.index + len(bodies)
-    measures = _measure(levels[-1].mesh, stock_mesh, bodies[-1], stock, schedule.limit(k))
-    return *levels, StockLevel(k, stock_mesh, schedule.limit(k), measures)
 
 
 def _offsets(farthest: float, schedule: Schedule, first: int) -> list[float]:

@@ -124,10 +124,6 @@ class Measures:
         """The number of faces of the outer mesh that cut others."""
         return len(self.crossing_faces)
 
-    def watching(self, parameters: Float[ndarray, "n 2"]) -> "Measures":
-        """The measures with more parameters among `near_limits`."""
-        return replace(self, near_limits=np.vstack([self.near_limits, parameters]))
-
 
 NO_CUT = Measures(
     depth_max=0.0,
@@ -888,4 +884,11 @@ def _measure(k: int, surfaces: dict[int, MeasuredSurface], rules: Rules) -> Morp
     if proof.nesting < -NESTING_TOLERANCE:
         nearest = outer.surface.project(proof.nesting_place[None]).parameters
         doubted = np.vstack([doubted, nearest])
-    return MorphLevel(k, outer.surface, outer.mesh, limit, measures.watching(doubted), proof)
+    return MorphLevel(
+        k,
+        outer.surface,
+        outer.mesh,
+        limit,
+        replace(measures, near_limits=np.vstack([measures.near_limits, doubted])),
+        proof,
+    )

@@ -196,17 +196,6 @@ class Limits:
             value[which] = getattr(renewed, name)
         return replace(self, **values)
 
-    def replace_slabs(
-        self, which: ndarray, c: Float[ndarray, "n 3"], n: Float[ndarray, "n 3"], high: Float[ndarray, " n"]
-    ) -> "Limits":
-        """The limits, those of the samples `which` with n . (y - c) <= high instead of their slabs."""
-        changed = replace(self, c=self.c.copy(), n=self.n.copy(), low=self.low.copy(), high=self.high.copy())
-        changed.c[which] = c
-        changed.n[which] = n
-        changed.low[which] = -np.inf
-        changed.high[which] = high
-        return changed
-
     def rows(self, R: sp.csr_array, x: Float[ndarray, "k 3"]) -> LinearLimits:
         """The limits over the moves D of the control points (x, y, z stacked) with y = x + R D."""
         along, wall = (sp.hstack([sp.diags_array(v[:, j]) @ R for j in range(3)]) for v in (self.n, self.m))
@@ -517,9 +506,12 @@ class LevelProgram:
         )
         hollow = self.hollow.copy()
         hollow[back.which] = True
-        limits = limits.replace_slabs(
-            back.which, self.x[back.which], back.n, high[back.which] + dots(y[back.which] - back.foot, back.n)
-        )
+        # The samples that are too near get n . (y - c) <= high instead of their slabs
+        limits = replace(limits, c=limits.c.copy(), n=limits.n.copy(), low=limits.low.copy(), high=limits.high.copy())
+        limits.c[back.which] = self.x[back.which]
+        limits.n[back.which] = back.n
+        limits.low[back.which] = -np.inf
+        limits.high[back.which] = high[back.which] + dots(y[back.which] - back.foot, back.n)
         return replace(self, limits=limits, H=np.where(sliding[:, None], slid, self.H), hollow=hollow)
 
 

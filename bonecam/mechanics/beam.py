@@ -163,7 +163,18 @@ def _ray_moments(rays: RaySet, grid: RayGrid, direction: int, ends: Float[ndarra
     On all rays x and y grow alike with z, from a foot at z = 0. Of a slice that rays run through only the sums over
     their feet are needed; the slices in which a ray begins and ends are added ray by ray.
     """
-    low, high = _material_ends(rays, grid, direction)
+    # The lower and the upper end of each piece of material on a set of rays, in the part's frame.
+    tiles = np.argwhere(rays.tile_of >= 0)
+    tiles = tiles[np.argsort(rays.tile_of[tiles[:, 0], tiles[:, 1]])]
+    room = rays.spans.shape[2] // 2
+    tile, ray, piece = np.nonzero(np.arange(room) < rays.counts[:, :, None])
+    u, v, w = order(direction)
+    local = np.empty((2, len(tile), 3))
+    local[:, :, u] = (tiles[tile, 0] * TILE + ray % TILE + 0.5) * rays.cell
+    local[:, :, v] = (tiles[tile, 1] * TILE + ray // TILE + 0.5) * rays.cell
+    local[0, :, w], local[1, :, w] = rays.spans[tile, ray, 2 * piece], rays.spans[tile, ray, 2 * piece + 1]
+    one, other = (grid.in_part(each) for each in local)
+    low, high = (one, other) if grid.rotation[direction, 2] > 0 else (other, one)
     rise = grid.rotation[direction]  # downwards where the material was turned over
     slope = rise / rise[2]
     across = np.array([0.0, *slope[:2]])
@@ -205,21 +216,6 @@ def _binned(
         for k in range(i + 1):
             sums[:, i, k] = sums[:, k, i] = np.bincount(slices, weights * ones[:, i] * ones[:, k], count)
     return sums
-
-
-def _material_ends(rays: RaySet, grid: RayGrid, direction: int) -> tuple[Float[ndarray, "m 3"], Float[ndarray, "m 3"]]:
-    """The lower and the upper end of each piece of material on a set of rays, in the part's frame."""
-    tiles = np.argwhere(rays.tile_of >= 0)
-    tiles = tiles[np.argsort(rays.tile_of[tiles[:, 0], tiles[:, 1]])]
-    room = rays.spans.shape[2] // 2
-    tile, ray, piece = np.nonzero(np.arange(room) < rays.counts[:, :, None])
-    u, v, w = order(direction)
-    local = np.empty((2, len(tile), 3))
-    local[:, :, u] = (tiles[tile, 0] * TILE + ray % TILE + 0.5) * rays.cell
-    local[:, :, v] = (tiles[tile, 1] * TILE + ray // TILE + 0.5) * rays.cell
-    local[0, :, w], local[1, :, w] = rays.spans[tile, ray, 2 * piece], rays.spans[tile, ray, 2 * piece + 1]
-    start, end = (grid.in_part(each) for each in local)
-    return (start, end) if grid.rotation[direction, 2] > 0 else (end, start)
 
 
 def _from_moments(ends: Float[ndarray, " e"], moments: Float[ndarray, "n 3 3"]) -> Sections:
@@ -315,7 +311,17 @@ class Beam:
 
     def _free(self, at: Float[ndarray, "n 3"], load: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:
         """Displacement of the places `at` for unit forces at `load`, without the support, mm/N."""
-        a0, a1, a2 = self._below(np.minimum(at[:, 2], load[:, 2]))
+        # The integrals over what is below each height.
+        heights = np.minimum(at[:, 2], load[:, 2])
+        cut = self.sections
+        full = np.searchsorted(cut.high, heights, side="right")
+        which = np.minimum(full, len(cut.low) - 1)
+        top = np.clip(heights, cut.low[which], cut.high[which])
+        extent = cut.high[which] - cut.low[which]
+        within = (full < len(cut.low)) & (extent > 0)
+        share = np.where(within, (top - cut.low[which]) / np.where(extent > 0, extent, 1.0), 0.0)
+        part = self._pieces(which, top, cut.flexible[which] * share)
+        a0, a1, a2 = (whole[full] + one for whole, one in zip(self._sums, part, strict=True))
         to, by = _cross_matrix(at), _cross_matrix(load)
         turned = to.transpose(0, 2, 1)
         return turned @ a0 @ by - turned @ a1 - a1.transpose(0, 2, 1) @ by + a2
@@ -369,19 +375,6 @@ class Beam:
         """The integrals over all slices below each, the first of them zero."""
         whole = self._pieces(np.arange(len(self.sections.low)), self.sections.high, self.sections.flexible)
         a0, a1, a2 = (np.concatenate([np.zeros((1, 3, 3)), np.cumsum(part, axis=0)]) for part in whole)
-        return a0, a1, a2
-
-    def _below(self, heights: Float[ndarray, " n"]) -> _Integrals:
-        """The integrals over what is below each height."""
-        cut = self.sections
-        full = np.searchsorted(cut.high, heights, side="right")
-        which = np.minimum(full, len(cut.low) - 1)
-        top = np.clip(heights, cut.low[which], cut.high[which])
-        extent = cut.high[which] - cut.low[which]
-        within = (full < len(cut.low)) & (extent > 0)
-        share = np.where(within, (top - cut.low[which]) / np.where(extent > 0, extent, 1.0), 0.0)
-        part = self._pieces(which, top, cut.flexible[which] * share)
-        a0, a1, a2 = (whole[full] + one for whole, one in zip(self._sums, part, strict=True))
         return a0, a1, a2
 
     def _stress(self, forces: Float[ndarray, "n 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:

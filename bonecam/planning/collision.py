@@ -270,7 +270,14 @@ def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cut
     active = np.arange(len(poses.tips))
     u = np.full(len(active), section.start)
     if section.name != "cutter" and section.widest > WIDE * section.start:
-        u = _first_heights(around, poses, section)
+        # How far up (mm) a section about as wide as it is far from the tip is proven by one sphere above its start:
+        # about the start itself a sphere as wide as its disc would reach the tip, or the part beside it.
+        ahead = min(section.start + section.widest, section.end)
+        reach = np.hypot(section.end, section.widest)
+        needed = section.widest + poses.shift + poses.turn * reach
+        distance = around.distance_bound(poses.tips + ahead * poses.axes, np.hypot(needed, ahead - section.start))
+        half = np.sqrt(np.maximum(distance**2 - needed**2, 0.0)) * np.sign(np.maximum(distance, 0.0))
+        u = np.where((half > 0) & (ahead - half <= section.start), np.minimum(ahead + half, section.end), section.start)
         state[u >= section.end] = FREE
         active = np.flatnonzero(u < section.end)
         u = u[active]
@@ -306,17 +313,6 @@ def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cut
         going = (u < section.end) & (step > MIN_STEP) & (distance > needed)
         active, u = active[going], u[going]
     return state
-
-
-def _first_heights(around: Surroundings, poses: Poses, section: ToolSection) -> Float[ndarray, " n"]:
-    """How far up (mm) a section about as wide as it is far from the tip is proven by one sphere above its start: about
-    the start itself a sphere as wide as its disc would reach the tip, or the part beside it."""
-    ahead = min(section.start + section.widest, section.end)
-    reach = np.hypot(section.end, section.widest)
-    needed = section.widest + poses.shift + poses.turn * reach
-    distance = around.distance_bound(poses.tips + ahead * poses.axes, np.hypot(needed, ahead - section.start))
-    half = np.sqrt(np.maximum(distance**2 - needed**2, 0.0)) * np.sign(np.maximum(distance, 0.0))
-    return np.where((half > 0) & (ahead - half <= section.start), np.minimum(ahead + half, section.end), section.start)
 
 
 FclObject = Any
@@ -361,30 +357,27 @@ class FclModel:
         open_ = np.flatnonzero(names == "")
         for k, item in reversed(list(enumerate(self.sections))):
             here = open_[asked[open_, k]]
-            names[here[self._contained(item, tips[here], axes[here])]] = item.section.name
+            # Whether a section lies wholly inside an obstacle in each pose, or contains one.
+            places = tips[here]
+            directions = axes[here]
+            section, around = item.section, item.around
+            middles = places + (section.start + section.end) / 2 * directions
+            caught = around.mesh_distance.signed(middles) < 0
+            if self.clamping.closed:
+                caught |= middles[:, 2] < self.clamping.clearance
+            points = [around.mesh.vertices[0]]
+            for column in around.columns:
+                caught |= column.distance(middles) < 0
+                points.append(np.array([column.x, column.y, column.top]))
+
+            for point in points:
+                heights = dots(point - places, directions)
+                away = lengths(point - places - heights[:, None] * directions)
+                radius = section.radius + section.taper * (heights - section.start)
+                within = (section.start < heights) & (heights < section.end)
+                caught |= within & (away < radius - around.scene.tangent_slack)
+            names[here[caught]] = item.section.name
         return names.tolist()
-
-    def _contained(
-        self, item: FclSection, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"]
-    ) -> Bool[ndarray, " n"]:
-        """Whether a section lies wholly inside an obstacle in each pose, or contains one."""
-        section, around = item.section, item.around
-        middles = tips + (section.start + section.end) / 2 * axes
-        caught = around.mesh_distance.signed(middles) < 0
-        if self.clamping.closed:
-            caught |= middles[:, 2] < self.clamping.clearance
-        points = [around.mesh.vertices[0]]
-        for column in around.columns:
-            caught |= column.distance(middles) < 0
-            points.append(np.array([column.x, column.y, column.top]))
-
-        for point in points:
-            heights = dots(point - tips, axes)
-            away = lengths(point - tips - heights[:, None] * axes)
-            radius = section.radius + section.taper * (heights - section.start)
-            within = (section.start < heights) & (heights < section.end)
-            caught |= within & (away < radius - around.scene.tangent_slack)
-        return np.asarray(caught)
 
 
 @lru_cache(maxsize=2)
@@ -529,7 +522,16 @@ def _classify_section(
                 break
             here = going[open_]
             u = np.minimum(low[open_] + ahead * section.outer, section.top)
-            half, hit[open_] = _sphere(tips[here] + u[:, None] * axes[here], u, low[open_], section)
+            # How far above and below height `u` (mm) discs of the section lie in the empty sphere about the axis point
+            # there (-1 where none does), and whether an obstacle enters the section near it; distances are asked as
+            # far as a sphere that holds all discs above `low` reaches.
+            outer = section.outer * CIRCUMSCRIBED
+            wanted = np.hypot(outer, np.maximum(u - low[open_], section.top - u)) / SURE_SHARE
+            distance = section.around.distance_bound(tips[here] + u[:, None] * axes[here], wanted)
+            room = np.minimum(section.inner, np.minimum(u - section.bottom, section.top - u))
+            collides = distance + section.around.deviation < SURE_SHARE * room
+            spare = (SURE_SHARE * distance) ** 2 - outer**2
+            half, hit[open_] = np.where((distance > 0) & (spare > 0), np.sqrt(np.maximum(spare, 0.0)), -1.0), collides
             reached = u - half <= low[open_]
             raised[open_] = np.where(reached, np.maximum(raised[open_], u + half), raised[open_])
         state[going[hit]] = COLLIDING
@@ -538,21 +540,6 @@ def _classify_section(
         proven[going] = raised
         going = going[rising]
     return state
-
-
-def _sphere(
-    points: Float[ndarray, "n 3"], u: Float[ndarray, " n"], low: Float[ndarray, " n"], section: ThickSection
-) -> tuple[Float[ndarray, " n"], Bool[ndarray, " n"]]:
-    """How far above and below height `u` (mm) discs of the section lie in the empty sphere about the axis
-    point there (-1 where none does), and whether an obstacle enters the section near it; distances are asked
-    as far as a sphere that holds all discs above `low` reaches."""
-    outer = section.outer * CIRCUMSCRIBED
-    wanted = np.hypot(outer, np.maximum(u - low, section.top - u)) / SURE_SHARE
-    distance = section.around.distance_bound(points, wanted)
-    room = np.minimum(section.inner, np.minimum(u - section.bottom, section.top - u))
-    collides = distance + section.around.deviation < SURE_SHARE * room
-    spare = (SURE_SHARE * distance) ** 2 - outer**2
-    return np.where((distance > 0) & (spare > 0), np.sqrt(np.maximum(spare, 0.0)), -1.0), collides
 
 
 REST_MARGIN = 0.1
@@ -637,7 +624,21 @@ class CollisionChecker:
         free = joined & (state == FREE) & (np.r_[state[1:], COLLIDING] == FREE)
         doubtful = np.flatnonzero(joined & ~free)
         if len(doubtful):
-            free[doubtful] = self._subdivided_free(tips, axes, doubtful, cutting)
+            # Whether moves are free in steps: proven by distances, or by FCL at the poses that those leave undecided.
+            turn = angles_between(axes[doubtful], axes[doubtful + 1])
+            shift = np.linalg.norm(tips[doubtful + 1] - tips[doubtful], axis=1)
+            displacement = shift + turn * reach_to_gauge_line(self.cutter)
+            steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
+            sampled_tips, turned = interpolate_poses(
+                tips[doubtful], tips[doubtful + 1], axes[doubtful], axes[doubtful + 1], steps
+            )
+
+            starts = np.r_[0, np.cumsum(steps + 1)]
+            along = np.ones(len(sampled_tips), dtype=bool)
+            along[starts[1:] - 1] = False
+            between = Poses.in_motion(sampled_tips, turned, along)
+            decided = classify_poses(self.scene, self.cutter, between, air=self._air(cutting), settled=UNDECIDED)
+            free[doubtful] = self._decided(decided, sampled_tips, turned, starts[:-1], cutting=cutting)
         return free
 
     def _classify_at_rest(
@@ -646,24 +647,6 @@ class CollisionChecker:
         """State of poses with REST_MARGIN; `settled` as in `classify_poses`."""
         poses = Poses.at_rest(self.cutter.tips_of(centres, axes), axes, REST_MARGIN)
         return classify_poses(self.scene, self.cutter, poses, settled=settled)
-
-    def _subdivided_free(
-        self, tips: Float[ndarray, "n 3"], axes: Float[ndarray, "n 3"], moves: Int[ndarray, " m"], cutting: bool
-    ) -> Bool[ndarray, " m"]:
-        """Whether moves are free in steps: proven by distances, or by FCL at the poses that those leave
-        undecided."""
-        turn = angles_between(axes[moves], axes[moves + 1])
-        shift = np.linalg.norm(tips[moves + 1] - tips[moves], axis=1)
-        displacement = shift + turn * reach_to_gauge_line(self.cutter)
-        steps = np.maximum(MIN_STEPS, np.ceil(displacement / SWEEP_MARGIN)).astype(int)
-        sampled_tips, turned = interpolate_poses(tips[moves], tips[moves + 1], axes[moves], axes[moves + 1], steps)
-
-        starts = np.r_[0, np.cumsum(steps + 1)]
-        joined = np.ones(len(sampled_tips), dtype=bool)
-        joined[starts[1:] - 1] = False
-        poses = Poses.in_motion(sampled_tips, turned, joined)
-        state = classify_poses(self.scene, self.cutter, poses, air=self._air(cutting), settled=UNDECIDED)
-        return self._decided(state, sampled_tips, turned, starts[:-1], cutting=cutting)
 
     def _air(self, cutting: bool) -> float | None:
         return None if cutting else self.air

@@ -609,7 +609,18 @@ def rough_layer(
         curves = every.take(points)
         cut = material.cut(curves.a, curves.b, curves.heights, radius)
         centres = curves.centres(chart)
-        runs = split(curves, free[points] & _with_leads(curves, centres, cut > rough.least))
+        # The needed points and those within LEAD of them along their line.
+        needed = cut > rough.least
+        kept = np.zeros(len(needed), dtype=bool)
+        for line in np.unique(curves.line[needed]):
+            rows = np.flatnonzero(curves.line == line)
+            along = np.r_[0.0, np.linalg.norm(np.diff(centres[rows], axis=0), axis=1).cumsum()]
+            at = along[needed[rows]]
+            place = np.searchsorted(at, along)
+            ahead = np.abs(along - at[np.maximum(place - 1, 0)])
+            behind = np.abs(at[np.minimum(place, len(at) - 1)] - along)
+            kept[rows] = np.minimum(ahead, behind) <= LEAD
+        runs = split(curves, free[points] & kept)
         order = nearest_order([(centres[run[0]], centres[run[-1]]) for run in runs], here)
         for number, backwards in order:
             run = runs[number][::-1] if backwards else runs[number]
@@ -643,20 +654,6 @@ def rough_down(
         if len(layer.path.contacts):
             layers.append(layer)
     return layers, material
-
-
-def _with_leads(curves: LayerCurves, centres: Float[ndarray, "n 3"], needed: ndarray) -> ndarray:
-    """The needed points and those within LEAD of them along their line."""
-    kept = np.zeros(len(needed), dtype=bool)
-    for line in np.unique(curves.line[needed]):
-        rows = np.flatnonzero(curves.line == line)
-        along = np.r_[0.0, np.linalg.norm(np.diff(centres[rows], axis=0), axis=1).cumsum()]
-        at = along[needed[rows]]
-        place = np.searchsorted(at, along)
-        before = np.abs(along - at[np.maximum(place - 1, 0)])
-        behind = np.abs(at[np.minimum(place, len(at) - 1)] - along)
-        kept[rows] = np.minimum(before, behind) <= LEAD
-    return kept
 
 
 def _swept(runs: Sequence[LayerCurves], width: float) -> tuple[ndarray, ndarray, ndarray]:
@@ -712,34 +709,27 @@ def finish_layer(
     raised, kept = gouge_free(
         curves, kept, chart=chart, part=ball.part, radius=ball.radius, gouge_tolerance=job.gouge_tolerance
     )
-    steps, cut, left = _in_steps(raised, kept, material, ball.radius, width)
-    layer = layer_of(steps, cut, chart=chart, cutter=cutter, material=material, ball=ball)
+    # Before the curves, once or more, these raised by MAX_DEPTH_RADII of the ball where it would sink deeper into the
+    # material; which of their points are kept, not those that are still too deep; and the material behind them
+    deepest = MAX_DEPTH_RADII * ball.radius
+    count = int(np.ceil(depths_in(material, raised.centres(chart), ball.radius)[kept].max(initial=0.0) / deepest))
+    pieces, used = list[LayerCurves](), list[ndarray]()
+    left = material
+    for step in range(max(count, 1) - 1, -1, -1):
+        higher = replace(raised, heights=raised.heights + step * deepest)
+        sunk = depths_in(left, higher.centres(chart), ball.radius)
+        cut = kept & (sunk <= deepest) & ((sunk > 0) | (step == 0))
+        # The first point of each line but the first
+        pieces += [higher.take(run) for run in np.split(np.arange(len(cut)), np.flatnonzero(np.diff(higher.line)) + 1)]
+        used.append(cut)
+        if cut.any():
+            left = left.lowered(*_swept([higher.take(run) for run in split(higher, cut)], width), ball.radius)
+    cut = np.concatenate(used)
+    layer = layer_of(join(pieces), cut, chart=chart, cutter=cutter, material=material, ball=ball)
     covered = kept & ~cut[-len(kept) :]
     uncut = ball.part.closest(centres[covered])[0]
     path = replace(layer.path, uncut=uncut, reasons=("covered",) * len(uncut))
     return replace(layer, path=path), left
-
-
-def _in_steps(
-    curves: LayerCurves, kept: Bool[ndarray, " n"], material: HeightField, radius: float, width: float
-) -> tuple[LayerCurves, Bool[ndarray, " m"], HeightField]:
-    """The curves, those raised by MAX_DEPTH_RADII of the ball once or more before them, where the ball would sink
-    deeper into the material; which of their points are kept, not those that are still too deep; and the material
-    behind them."""
-    deepest = MAX_DEPTH_RADII * radius
-    chart = material.chart
-    count = int(np.ceil(depths_in(material, curves.centres(chart), radius)[kept].max(initial=0.0) / deepest))
-    pieces, used = list[LayerCurves](), list[ndarray]()
-    for step in range(max(count, 1) - 1, -1, -1):
-        raised = replace(curves, heights=curves.heights + step * deepest)
-        sunk = depths_in(material, raised.centres(chart), radius)
-        cut = kept & (sunk <= deepest) & ((sunk > 0) | (step == 0))
-        # The first point of each line but the first
-        pieces += [raised.take(run) for run in np.split(np.arange(len(cut)), np.flatnonzero(np.diff(raised.line)) + 1)]
-        used.append(cut)
-        if cut.any():
-            material = material.lowered(*_swept([raised.take(run) for run in split(raised, cut)], width), radius)
-    return join(pieces), np.concatenate(used), material
 
 
 def depths_in(material: HeightField, centres: Float[ndarray, "n 3"], radius: float) -> Float[ndarray, " n"]:

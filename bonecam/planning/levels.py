@@ -225,7 +225,15 @@ def plan_paths(
         # where the finishing ball has left more than twice its scallop
         scallop = paths[-1].cutter.scallop
         allowed = DepthLimits(job.levels.finishing_depth, scallop, 2 * max(scallop, UNCERTAIN), step)
-        paths = _with_fine(paths, planning.paths(level_contacts, allowed, material, smooth, fine=True)[0])
+        fine_paths = planning.paths(level_contacts, allowed, material, smooth, fine=True)[0]
+        if any((path.kinds == MoveKind.CUT).any() for path in fine_paths):
+            # further rest paths; what is too narrow for the finishing ball is then told of the finer one alone
+            *before, last = paths
+            kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
+            last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
+            done = sum(path.level == last.level for path in before)
+            paths = [*before, last]
+            paths += [replace(path, rest=done + k, trimmed=0.0) for k, path in enumerate(fine_paths, 1)]
     scene = planning.scene_of(part, flute_slack(job.path.gouge_tolerance), material)
     return *paths, *parting_paths(scene, job, limits)
 
@@ -329,19 +337,6 @@ class _Planning:
             self._candidates(level_contacts.candidates.level, level_contacts.distance, cutter, job)
             for job in (self.job.path, rings)
         ]
-
-
-def _with_fine(paths: Sequence[ToolPath], fine_paths: Sequence[ToolPath]) -> list[ToolPath]:
-    """The paths with those of a finer ball on the part, as further rest paths. What is too narrow for the finishing
-    ball is then told of the finer one alone."""
-    if not any((path.kinds == MoveKind.CUT).any() for path in fine_paths):
-        return list(paths)
-    *before, last = paths
-    kept = np.flatnonzero([reason not in ("gouge", "post") for reason in last.reasons])
-    last = replace(last, uncut=last.uncut[kept], reasons=tuple(last.reasons[k] for k in kept))
-    done = sum(path.level == last.level for path in before)
-    fine = [replace(path, rest=done + k, trimmed=0.0) for k, path in enumerate(fine_paths, 1)]
-    return [*before, last, *fine]
 
 
 def _take_rest(

@@ -622,7 +622,18 @@ def _find_transfers(
     space: LinkSpace, pairs: Sequence[tuple[Retract, Retract]], options: Sequence[TraverseOptions]
 ) -> list[LinkMoves | None]:
     """The transfer from the pose of each first retract to that of the second."""
-    traverses = _find_traverses(space, [(out.end, into.end) for out, into in pairs], options)
+    # The first of those `tried` between each two poses on the clearance surface that is free, its first pose left out;
+    # the same one of all pairs is tried at once.
+    ends = [(out.end, into.end) for out, into in pairs]
+    traverses: list[LinkMoves | None] = [None] * len(ends)
+    for option in options:
+        left = [k for k, moves in enumerate(traverses) if moves is None]
+        routes = [traverse(space.surface, *ends[k], space.limits, option) for k in left]
+        free = np.array([space.limits.allow(axes).all() for _, axes in routes], dtype=bool)
+        free[free] = space.polylines_free([route for route, ok in zip(routes, free) if ok], cutting=False)
+        for k, (centres, axes), ok in zip(left, routes, free, strict=True):
+            if ok:
+                traverses[k] = moves_of(MoveKind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
     transfers = [
         None if moves is None else join_moves([out.moves, moves, approach(into, space.feeds)])
         for moves, (out, into) in zip(traverses, pairs, strict=True)
@@ -635,20 +646,3 @@ def _find_transfers(
         for k, first, second in zip(blocked, home, back, strict=True):
             transfers[k] = None if first is None or second is None else join_moves([first, second])
     return transfers
-
-
-def _find_traverses(
-    space: LinkSpace, pairs: Sequence[tuple[Pose, Pose]], tried: Sequence[TraverseOptions]
-) -> list[LinkMoves | None]:
-    """The first of those `tried` between each two poses on the clearance surface that is free, its first pose
-    left out; the same one of all pairs is tried at once."""
-    traverses: list[LinkMoves | None] = [None] * len(pairs)
-    for options in tried:
-        left = [k for k, moves in enumerate(traverses) if moves is None]
-        routes = [traverse(space.surface, *pairs[k], space.limits, options) for k in left]
-        free = np.array([space.limits.allow(axes).all() for _, axes in routes], dtype=bool)
-        free[free] = space.polylines_free([route for route, ok in zip(routes, free) if ok], cutting=False)
-        for k, (centres, axes), ok in zip(left, routes, free, strict=True):
-            if ok:
-                traverses[k] = moves_of(MoveKind.RAPID, centres[1:], axes[1:], space.feeds.rapid)
-    return traverses

@@ -491,7 +491,23 @@ def link_runs(
         links = _links(transfers, runs, after, leads)
     if len(links) < len(runs):
         missed = sorted(set(range(len(runs))) - {k for k, _ in links})
-        runs, after = _shortened(transfers, runs, after, missed)
+        # The runs, of which those `missed` end where the tool gets on and off, if it does so somewhere near their
+        # ends; and their direct links, none at an end that moved.
+        shortened, linked = list(runs), list(after)
+        for k in missed:
+            run = runs[k]
+            head: int | None = 0
+            if not k or linked[k - 1] is None:
+                head = _first_linked(transfers, [(SAFE, int(contact)) for contact in run])
+            tail = _first_linked(transfers, [(int(contact), SAFE) for contact in run[::-1]])
+            if head is None or tail is None or head + tail >= len(run) - 1:
+                continue
+            shortened[k] = run[head : len(run) - tail]
+            if head and k:
+                linked[k - 1] = None
+            if tail:
+                linked[k] = None
+        runs, after = shortened, linked
         links = _links(transfers, runs, after, leads)
     if not links:
         return LinkedRuns(tuple(runs), (), None)
@@ -533,28 +549,6 @@ def _links(
     return links
 
 
-def _shortened(
-    transfers: Transfers, runs: Sequence[Run], after: Sequence[LinkMoves | None], missed: Sequence[int]
-) -> tuple[list[Run], list[LinkMoves | None]]:
-    """The runs, of which those `missed` end where the tool gets on and off, if it does so somewhere near their ends;
-    and their direct links, none at an end that moved."""
-    shorter, links = list(runs), list(after)
-    for k in missed:
-        run = runs[k]
-        head: int | None = 0
-        if not k or links[k - 1] is None:
-            head = _first_linked(transfers, [(SAFE, int(contact)) for contact in run])
-        tail = _first_linked(transfers, [(int(contact), SAFE) for contact in run[::-1]])
-        if head is None or tail is None or head + tail >= len(run) - 1:
-            continue
-        shorter[k] = run[head : len(run) - tail]
-        if head and k:
-            links[k - 1] = None
-        if tail:
-            links[k] = None
-    return shorter, links
-
-
 def _first_linked(transfers: Transfers, pairs: Sequence[tuple[int, int]]) -> int | None:
     """By how many contacts a run is cut short until a transfer of these is found."""
     return next((k for k in SHORTER if k < len(pairs) and transfers.find([pairs[k]]) != [None]), None)
@@ -576,7 +570,24 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
             raise MachineError(f"level {path.level}, {error}", level=path.level, **error.evidence) from error
         if not len(places):
             break
-        whole, rows = _with_points(path, places, axes)
+        # The path with points at the places that are on the way between two rows, and the row behind each place.
+        row = np.floor(places).astype(np.int64)
+        fraction = (places - row)[:, None]
+        inside = fraction[:, 0] > 0
+        behind = row + 1 + np.cumsum(inside)
+        source = np.insert(np.arange(len(path.tips)), row[inside] + 1, row[inside] + 1)
+        points = (behind - 1)[inside]
+        names = ("kinds", "pass_index", "feed_rates", "parameters", "contacts", "tips", "axes")
+        arrays = {name: getattr(path, name)[source] for name in names}
+        balls = (1 - fraction) * path.balls[row] + fraction * path.balls[row + 1]
+        arrays["axes"][points] = axes[inside]
+        arrays["tips"][points] = path.cutter.tips_of(balls, axes)[inside]
+        for name in ("parameters", "contacts"):
+            values = getattr(path, name)
+            arrays[name][points] = ((1 - fraction) * values[row] + fraction * values[row + 1])[inside]
+        new = np.isin(np.arange(len(source)), points)
+        cones = path.cones.at(np.where(new, -1, source)) if path.cones else None
+        whole, rows = replace(path, **arrays, cones=cones), behind
         # between two cuts the tool comes back to the contact that it left
         cut = whole.kinds == MoveKind.CUT
         lifts = list(zip(rows.tolist(), (rows - (cut[rows - 1] & cut[rows])).tolist(), strict=True))
@@ -588,29 +599,6 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
             return _with_lifts(whole, lifts, ways, space.feeds.plunge)
         blocked = np.r_[blocked, places[stuck]]
     return path
-
-
-def _with_points(
-    path: ToolPath, places: Float[ndarray, " k"], axes: Float[ndarray, "k 3"]
-) -> tuple[ToolPath, Int[ndarray, " k"]]:
-    """The path with points at the places that are on the way between two rows, and the row behind each place."""
-    row = np.floor(places).astype(np.int64)
-    fraction = (places - row)[:, None]
-    inside = fraction[:, 0] > 0
-    behind = row + 1 + np.cumsum(inside)
-    source = np.insert(np.arange(len(path.tips)), row[inside] + 1, row[inside] + 1)
-    points = (behind - 1)[inside]
-    names = ("kinds", "pass_index", "feed_rates", "parameters", "contacts", "tips", "axes")
-    arrays = {name: getattr(path, name)[source] for name in names}
-    balls = (1 - fraction) * path.balls[row] + fraction * path.balls[row + 1]
-    arrays["axes"][points] = axes[inside]
-    arrays["tips"][points] = path.cutter.tips_of(balls, axes)[inside]
-    for name in ("parameters", "contacts"):
-        values = getattr(path, name)
-        arrays[name][points] = ((1 - fraction) * values[row] + fraction * values[row + 1])[inside]
-    new = np.isin(np.arange(len(source)), points)
-    cones = path.cones.at(np.where(new, -1, source)) if path.cones else None
-    return replace(path, **arrays, cones=cones), behind
 
 
 def _with_lifts(

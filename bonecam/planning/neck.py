@@ -358,7 +358,23 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
     necks: tuple[Neck, ...] = ()
     layers = LayersToCut.between(setup.part.mesh, setup.stock.mesh(STOCK_CHORD))
     if not job.holding.diameter:
-        setup, job, necks = _standing_on_best(setup, job, limits, layers)
+        # Setup and job with the first of the best necks that holds at its length, and the best necks, that one first:
+        # with all contacts a neck may be longer than when it was tried, and give way. Where all do, the stiffest.
+        tried = find_necks(setup, job, limits, layers)
+        stood: list[tuple[Setup, Job, Neck]] = []
+        for neck in [one for one in tried if one.holds] or tried[:1]:
+            holding = replace(job.holding, diameter=neck.diameter)
+            on_neck = replace(setup, post=post_below(setup.part.mesh, holding)), replace(job, holding=holding)
+            if not holding.length:
+                on_neck = find_post_length(*on_neck, limits)
+            stood.append((*on_neck, _neck(*on_neck, limits, layers)))
+            if stood[-1][-1].holds:
+                break
+        stood.sort(key=lambda one: (not one[-1].holds, one[-1].shift_um))
+        again = {neck.diameter for *_, neck in stood}
+        others = ranking([neck for *_, neck in stood[1:]] + [one for one in tried if one.diameter not in again])
+        setup, job, taken = stood[0]
+        necks = (taken, *others[: SHOWN - 1])
     else:
         if not job.holding.length:
             setup, job = find_post_length(setup, job, limits)
@@ -367,28 +383,6 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
     vertices = setup.stock.mesh(STOCK_CHORD).vertices
     job = replace(job, holding=settled_height(job.holding, setup.post.pin, vertices))
     return setup, job, necks
-
-
-def _standing_on_best(
-    setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut
-) -> tuple[Setup, Job, tuple[Neck, ...]]:
-    """Setup and job with the first of the best necks that holds at its length, and the best necks, that one first:
-    with all contacts a neck may be longer than when it was tried, and give way. Where all do, the stiffest."""
-    tried = find_necks(setup, job, limits, layers)
-    stood: list[tuple[Setup, Job, Neck]] = []
-    for neck in [one for one in tried if one.holds] or tried[:1]:
-        holding = replace(job.holding, diameter=neck.diameter)
-        on_neck = replace(setup, post=post_below(setup.part.mesh, holding)), replace(job, holding=holding)
-        if not holding.length:
-            on_neck = find_post_length(*on_neck, limits)
-        stood.append((*on_neck, _neck(*on_neck, limits, layers)))
-        if stood[-1][-1].holds:
-            break
-    stood.sort(key=lambda one: (not one[-1].holds, one[-1].shift_um))
-    again = {neck.diameter for *_, neck in stood}
-    others = ranking([neck for *_, neck in stood[1:]] + [one for one in tried if one.diameter not in again])
-    taken_setup, taken_job, taken = stood[0]
-    return taken_setup, taken_job, (taken, *others[: SHOWN - 1])
 
 
 def find_necks(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> list[Neck]:

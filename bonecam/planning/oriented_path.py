@@ -78,7 +78,19 @@ def orient(
             chosen = eased_axes(path, chosen, wanted, checker, limits, job=job)
             if job.certify != "distances":
                 chosen, judged = judged_axes(path, chosen, wanted, checker)
-    blocked = _blocked(path, chosen, scene, limits, job, explained=explained)
+    # What is against the contacts that have no axis but by collisions, where it is to be `explained`; OrientationError
+    # where none has an axis.
+    colliding = np.flatnonzero(np.array(chosen.reasons) == "collision")
+    blocked = {}
+    if explained and len(colliding):
+        blocked = blocked_by(path.take(colliding), scene, limits, float(np.radians(job.max_tilt_deg)))
+    if not chosen.found.any():
+        why = f" ({next(iter(blocked))})" if blocked else ""
+        remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
+        everywhere = nearest_areas(scene.level, np.vstack([path.contacts, path.uncut]))
+        area = float(everywhere[: len(path.contacts)].sum())
+        what = f"no contact has a free tool axis{why}, {area:.1f} mm2 stay uncut"
+        raise OrientationError(f"level {path.level}: {what}: {remedy}", level=path.level, area_mm2=area)
 
     runs, near = near_links(space, path, chosen.axes, _runs(path, chosen, checker))
     poses = list(zip(path.centres, chosen.axes))
@@ -91,25 +103,6 @@ def orient(
         raise OrientationError(f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level)
     oriented = _tool_path(path, chosen, space, runs, linked, cones=wanted.cones if wanted else None)
     return lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
-
-
-def _blocked(
-    path: ContactPath, chosen: ToolAxes, scene: Scene, limits: MachineLimits, job: PathJob, *, explained: bool
-) -> dict[str, int]:
-    """What is against the contacts that have no axis but by collisions, where it is to be `explained`;
-    OrientationError where none has an axis."""
-    colliding = np.flatnonzero(np.array(chosen.reasons) == "collision")
-    blocked = {}
-    if explained and len(colliding):
-        blocked = blocked_by(path.take(colliding), scene, limits, float(np.radians(job.max_tilt_deg)))
-    if not chosen.found.any():
-        why = f" ({next(iter(blocked))})" if blocked else ""
-        remedy = "use a longer overhang, a longer post (holding.length) or a slimmer holder"
-        everywhere = nearest_areas(scene.level, np.vstack([path.contacts, path.uncut]))
-        area = float(everywhere[: len(path.contacts)].sum())
-        what = f"no contact has a free tool axis{why}, {area:.1f} mm2 stay uncut"
-        raise OrientationError(f"level {path.level}: {what}: {remedy}", level=path.level, area_mm2=area)
-    return blocked
 
 
 def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:

@@ -312,21 +312,8 @@ def iso_scallop_curves(metric: StepMetric, seeds: int) -> Curves:
 
     Between two seeds, the group of curves runs from the one to the other.
     """
-    sides = _sides(metric, seeds)
-    pieces: list[ndarray] = []
-    group: list[int] = []
-    for k in range(seeds):
-        beyond = [_pieces(metric, *side) for side in (sides[2 * k], sides[(2 * k + 3) % len(sides)])]
-        turn = np.array([1.0 if k == seeds - 1 else 0.0, 0.0])
-        seed_pieces = beyond[0] + [turn + piece for piece in beyond[1][::-1]]
-        pieces += seed_pieces
-        group += [k] * len(seed_pieces)
-    return curves_of(pieces, np.array(group))
-
-
-def _sides(metric: StepMetric, seeds: int) -> list[tuple[Float[ndarray, " h"], Float[ndarray, "h b"]]]:
-    """The two sides of each seed meridian, that of growing s first: places s, which run away from the seed and end at
-    the border to the next one, and the passes counted from it at s x t."""
+    # The two sides of each seed meridian, that of growing s first: places s, which run away from the seed and end at
+    # the border to the next one, and the passes counted from it at s x t.
     cell = metric.s[1] - metric.s[0]
     count = len(metric.s)
     half = count // (2 * seeds)
@@ -348,7 +335,15 @@ def _sides(metric: StepMetric, seeds: int) -> list[tuple[Float[ndarray, " h"], F
                 sides.append((index * cell, passes))
                 b[index % count] = sign * np.gradient(passes, metric.t, axis=1)
         a = rate
-    return sides
+    pieces: list[ndarray] = []
+    group: list[int] = []
+    for k in range(seeds):
+        beyond = [_pieces(metric, *side) for side in (sides[2 * k], sides[(2 * k + 3) % len(sides)])]
+        turn = np.array([1.0 if k == seeds - 1 else 0.0, 0.0])
+        seed_pieces = beyond[0] + [turn + piece for piece in beyond[1][::-1]]
+        pieces += seed_pieces
+        group += [k] * len(seed_pieces)
+    return curves_of(pieces, np.array(group))
 
 
 def _pieces(metric: StepMetric, s: Float[ndarray, " h"], passes: Float[ndarray, "h b"]) -> list[Float[ndarray, "_ 2"]]:
@@ -392,30 +387,26 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
         raise ValueError(f"pattern {pattern!r}: on this surface give fastest, {', '.join(known)}")
     names = [name for name in FASTEST if name in known] if pattern == "fastest" else [pattern]
     if pattern in added_names("patterns"):
-        return _added(surface, pattern, cutter)
+        # The curves of a pattern that was added: those of its function of surface, ball radius and scallop, each a
+        # polyline (k, 2) of parameters s, t. JobError where it gives none.
+        lines = added("patterns", pattern)
+        with run_added("patterns", pattern):
+            drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)]
+        if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
+            remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
+            raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
+        (s_low, s_high), (low, high) = surface.domain
+        points = np.vstack(drawn)
+        s_bounds = (-np.inf, np.inf) if surface.closed_in_s else (s_low, s_high)
+        inside = (points >= [s_bounds[0], low]) & (points <= [s_bounds[1], high]) & np.isfinite(points)
+        if not inside.all():
+            s, t = points[~inside.all(axis=1)][0]
+            what = f"the pattern {pattern!r} that was added leaves the surface at s = {s:g}, t = {t:g}"
+            remedy = f"give s from {s_low:g} to {s_high:g} and t from {low:g} to {high:g}"
+            raise JobError(f"{what}: {remedy}", pattern=pattern)
+        return curves_of(drawn)
     candidates = list(_candidates(surface, names, cutter, turn_speed))
     return min(candidates, key=lambda curves: curve_minutes(surface, curves, cutter, turn_speed))
-
-
-def _added(surface: TSpline, pattern: str, cutter: Cutter) -> Curves:
-    """The curves of a pattern that was added: those of its function of surface, ball radius and scallop, each a
-    polyline (k, 2) of parameters s, t. JobError where it gives none."""
-    lines = added("patterns", pattern)
-    with run_added("patterns", pattern):
-        drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)]
-    if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
-        remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
-        raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
-    (s_low, s_high), (low, high) = surface.domain
-    points = np.vstack(drawn)
-    s_bounds = (-np.inf, np.inf) if surface.closed_in_s else (s_low, s_high)
-    inside = (points >= [s_bounds[0], low]) & (points <= [s_bounds[1], high]) & np.isfinite(points)
-    if not inside.all():
-        s, t = points[~inside.all(axis=1)][0]
-        what = f"the pattern {pattern!r} that was added leaves the surface at s = {s:g}, t = {t:g}"
-        remedy = f"give s from {s_low:g} to {s_high:g} and t from {low:g} to {high:g}"
-        raise JobError(f"{what}: {remedy}", pattern=pattern)
-    return curves_of(drawn)
 
 
 def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: float) -> float:

@@ -111,7 +111,29 @@ class RestMachining:
             return None
         step = min(steps, key=lambda step: step.minutes(self.turn_speed))
         self.taken += 1
-        step = _gouge_free(step)
+        # The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit.
+        candidates = step.candidates
+        radius = step.candidates.cutter.envelope_radius
+        index = np.concatenate(step.runs)
+        ends = np.cumsum([len(run) for run in step.runs])
+        joined = np.ones(len(index), dtype=bool)
+        joined[ends - 1] = False
+        normals = candidates.normals[index]
+        lifts = gouge_free_lifts(
+            candidates.centres[index] + step.raised[index] - radius * normals,
+            normals,
+            radius=radius,
+            tolerance=candidates.gouge_tolerance,
+            obstacles=candidates.obstacles,
+            joined=joined,
+            max_lift=MAX_LIFT_RADII * candidates.cutter.radius,
+        )
+        raised = step.raised.copy()
+        raised[index] += np.nan_to_num(lifts)[:, None] * normals
+        fits = np.isfinite(lifts)
+        apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
+        pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
+        step = RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
         lines = step.candidates.lines
         runs = entered_runs(lines, step.runs, step.depth, step.raised, self.allowed.of_step.limit)
         segments = engaged_segments_of(in_turn(lines, runs))
@@ -212,49 +234,19 @@ def _step(
         cut[run] = np.minimum(cut[run], step * np.minimum(np.minimum(rising, falling), 1.0))
     index = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
     raised = np.zeros((len(depth), 3))
-    raised[index] = _raised(candidates.centres[index], candidates.cutter.envelope_radius, material, cut[index])
-    return RestStep(candidates, runs, depth, raised)
-
-
-def _raised(
-    centres: Float[ndarray, "n 3"], radius: float, material: InProcessStock, cut: Float[ndarray, " n"]
-) -> Float[ndarray, "n 3"]:
-    """What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
-    nearest place, and again, as it may then be too deep in another wall."""
-    raised = np.zeros((len(centres), 3))
+    # What each ball has to be moved by to enter the material by `cut` (mm) only: by what is too deep, away from the
+    # nearest place, and again, as it may then be too deep in another wall.
+    centres = candidates.centres[index]
+    wanted = cut[index]
+    shift = np.zeros((len(centres), 3))
     left = np.arange(len(centres))
     for _ in range(MAX_ROUNDS):
-        depth, away = material.depths(centres[left] + raised[left], radius)
-        more = depth - cut[left]
+        sunk, away = material.depths(centres[left] + shift[left], candidates.cutter.envelope_radius)
+        more = sunk - wanted[left]
         moved = more > UNCERTAIN / 2
         left = left[moved]
         if not len(left):
             break
-        raised[left] += OVERSHOOT * more[moved, None] * away[moved]
-    return raised
-
-
-def _gouge_free(step: RestStep) -> RestStep:
-    """The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit."""
-    candidates = step.candidates
-    radius = step.candidates.cutter.envelope_radius
-    index = np.concatenate(step.runs)
-    ends = np.cumsum([len(run) for run in step.runs])
-    joined = np.ones(len(index), dtype=bool)
-    joined[ends - 1] = False
-    normals = candidates.normals[index]
-    lifts = gouge_free_lifts(
-        candidates.centres[index] + step.raised[index] - radius * normals,
-        normals,
-        radius=radius,
-        tolerance=candidates.gouge_tolerance,
-        obstacles=candidates.obstacles,
-        joined=joined,
-        max_lift=MAX_LIFT_RADII * candidates.cutter.radius,
-    )
-    raised = step.raised.copy()
-    raised[index] += np.nan_to_num(lifts)[:, None] * normals
-    fits = np.isfinite(lifts)
-    apart = np.unique(np.r_[ends[:-1], np.flatnonzero(~fits)])
-    pieces = [piece[fits[piece]] for piece in np.split(np.arange(len(index)), apart)]
-    return RestStep(candidates, [index[piece] for piece in pieces if len(piece)], step.depth, raised)
+        shift[left] += OVERSHOOT * more[moved, None] * away[moved]
+    raised[index] = shift
+    return RestStep(candidates, runs, depth, raised)

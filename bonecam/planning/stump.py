@@ -86,13 +86,6 @@ class Groove:
         """Height of the groove's lower edge, mm."""
         return self.middle - self.radius
 
-    def floors(self, limit: float) -> list[float]:
-        """Radii (mm) of the groove's bottom before and after each step; a step is no deeper than `limit` (mm) and
-        than the ball may sink."""
-        step = min(limit, MAX_DEPTH_RADII * self.radius)
-        count = int(np.ceil((self.outer - self.bridge) / step))
-        return np.linspace(self.outer, self.bridge, count + 1).tolist()
-
     def outline(self, post: float, points: int = 24) -> Float[ndarray, "k 2"]:
         """Radii and heights (mm) of the groove's bottom in a post of this radius, from the lower edge up."""
         angle = np.linspace(-np.pi / 2, np.pi / 2, points)
@@ -135,7 +128,11 @@ def parting_cutters(job: Job, bodies: MachineBodies) -> Iterator[Cutter]:
 def parting_contacts(groove: Groove, cutter: Cutter, job: Job) -> Iterator[ContactPath]:
     """The contacts of each step of the groove, a pass each, counter-clockwise; a step is no deeper than a roughing
     cut."""
-    for number, (before, floor) in enumerate(pairwise(groove.floors(job.levels.layer_depth)), 1):
+    # Radii (mm) of the groove's bottom before and after each step; a step is no deeper than `limit` (mm) and than the
+    # ball may sink.
+    step = min(job.levels.layer_depth, MAX_DEPTH_RADII * groove.radius)
+    count = int(np.ceil((groove.outer - groove.bridge) / step))
+    for number, (before, floor) in enumerate(pairwise(np.linspace(groove.outer, groove.bridge, count + 1).tolist()), 1):
         farthest = before + cutter.radius
         half = np.arccos(1 - job.path.chord_tolerance / farthest)
         turn = min(2 * half, job.path.max_step / farthest)
@@ -394,7 +391,24 @@ def second_paths(
     roughing = Cutter.from_job(1, "roughing", job.tool("roughing"), limits.bodies.nose)
     finishing = Cutter.from_job(2, "finishing", job.tool("finishing"), limits.bodies.nose)
     fine = Ball(finishing.radius, 0.0, around, post)
-    axis, missed = _best_axis(places, fine, roughing.radius, top, limits)
+    # The direction of the tool from which fewest of the places are hidden, and which are.
+    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    tried = np.column_stack(
+        [np.sin(LEAN) * np.cos(turns), np.sin(LEAN) * np.sin(turns), np.full(DIRECTIONS, np.cos(LEAN))]
+    )
+    tried = tried[limits.allow(tried)]
+    if not len(tried):
+        raise OrientationError(
+            f"the second clamping needs a tool axis {np.degrees(LEAN):g} deg off the Z axis, which this machine does "
+            "not reach: take another machine, or leave out holding.second"
+        )
+    hidden_from = []
+    for axis in tried:
+        chart = stump_chart(axis, places.points, roughing.radius)
+        heights = _heights(axis, places, top, 2 * roughing.radius)
+        hidden_from.append(unreached(places.points, places.normals, chart, fine, heights, _extent(chart)))
+    best = int(np.argmin([hidden.sum() for hidden in hidden_from]))
+    axis, missed = tried[best], hidden_from[best]
     chart = stump_chart(axis, places.points, roughing.radius)
     heights = _heights(axis, places, top, job.holding.diameter)
     stump = off_part(fields(chart, *heights), around, job.levels.finishing_depth)
@@ -423,29 +437,6 @@ def second_paths(
         )
         paths.append(orient(path, scene, limits, job.path, job.nc, fixed=layer.axes, material=standing))
     return paths
-
-
-def _best_axis(
-    places: StumpPlaces, ball: Ball, radius: float, top: float, limits: MachineLimits
-) -> tuple[Float[ndarray, "3"], ndarray]:
-    """The direction of the tool from which fewest of the places are hidden, and which are."""
-    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    tried = np.column_stack(
-        [np.sin(LEAN) * np.cos(turns), np.sin(LEAN) * np.sin(turns), np.full(DIRECTIONS, np.cos(LEAN))]
-    )
-    tried = tried[limits.allow(tried)]
-    if not len(tried):
-        raise OrientationError(
-            f"the second clamping needs a tool axis {np.degrees(LEAN):g} deg off the Z axis, which this machine does "
-            "not reach: take another machine, or leave out holding.second"
-        )
-    hidden_from = []
-    for axis in tried:
-        chart = stump_chart(axis, places.points, radius)
-        heights = _heights(axis, places, top, 2 * radius)
-        hidden_from.append(unreached(places.points, places.normals, chart, ball, heights, _extent(chart)))
-    best = int(np.argmin([hidden.sum() for hidden in hidden_from]))
-    return tried[best], hidden_from[best]
 
 
 def _heights(axis: Float[ndarray, "3"], places: StumpPlaces, top: float, width: float) -> tuple[float, float]:

@@ -222,23 +222,7 @@ def stock_for(
     of its wall or too near to an edge that has to be rounded; with `bottom` (mm) it tells places as they are
     when the stock stands at that height, and asks for `spare` mm more than the points need (`require_inside`).
     """
-    transform = pose_in_stock(points, job)
-    lying = points @ transform[:3, :3].T + transform[:3, 3]
-    middle = float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z)
-    stock: Stock
-    if body is not None:
-        stock = body.on_axis(middle)
-    else:
-        stock = stock_round(job, LyingPart(lying, middle), schedule)
-
-    lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
-    require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job), spare)
-    require_roundable(stock.move(lift), lying + lift, MARGIN, pose_remedy(job))
-    return stock, transform
-
-
-def pose_in_stock(points: Float[ndarray, "n 3"], job: StockJob) -> Float[ndarray, "4 4"]:
-    """The transform (4, 4) of the part's points that the job, or else the kind of stock, asks for; mm."""
+    # The transform (4, 4) of the part's points that the job, or else the kind of stock, asks for; mm.
     middle = (points.min(0) + points.max(0)) / 2
     offset = np.array([job.offset_x, job.offset_y, job.offset_z])
     turn = rotation(job.tilt_x_deg, job.tilt_y_deg, job.turn_deg)
@@ -251,4 +235,15 @@ def pose_in_stock(points: Float[ndarray, "n 3"], job: StockJob) -> Float[ndarray
     transform = np.eye(4)
     transform[:3, :3] = turn
     transform[:3, 3] = middle - turn @ middle + offset
-    return transform
+    lying = points @ transform[:3, :3].T + transform[:3, 3]
+    middle = float((lying[:, 2].min() + lying[:, 2].max()) / 2 - job.offset_z)
+    stock: Stock
+    if body is not None:
+        stock = body.on_axis(middle)
+    else:
+        stock = stock_round(job, LyingPart(lying, middle), schedule)
+
+    lift = np.array([0.0, 0.0, 0.0 if bottom is None else bottom - stock.bounds[0, 2]])
+    require_inside(stock.move(lift), lying + lift, MARGIN, pose_remedy(job), spare)
+    require_roundable(stock.move(lift), lying + lift, MARGIN, pose_remedy(job))
+    return stock, transform

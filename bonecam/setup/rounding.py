@@ -17,7 +17,7 @@ The largest radius by which the edges of a stock can be rounded and still hold t
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
@@ -192,7 +192,17 @@ class RoundedStock(Stock):
         around = smallest_capsule(core, self.radius + chord_tolerance).move(axis)
         mesh = self._project(around.mesh(chord_tolerance), 0)
         for _ in range(BISECTIONS):
-            coarse = self._too_coarse(mesh, chord_tolerance)
+            # Which faces may be farther than `chord_tolerance` mm from the surface, or are tilted against it. The body
+            # lies below the plane that touches it over the middle of a face: that plane's height over the corners
+            # bounds the depth. A closed mesh of which no face is turned over covers the convex body once.
+            corners = mesh.vertices[mesh.faces]
+            middles = corners.mean(1)
+            distance, normals = self.distances_and_normals(middles)
+            height = -distance - np.einsum("fcx,fx->fc", corners - middles[:, None], normals).min(1)
+            at_corners = self.normals(mesh.vertices)[mesh.faces]
+            turned = np.einsum("fcx,fx->fc", at_corners, mesh.face_vectors).min(1)
+            tilted = turned < LARGEST_TURN * np.linalg.norm(mesh.face_vectors, axis=1)
+            coarse = (height > chord_tolerance) | tilted
             if not coarse.any():
                 return mesh
             mesh = self._project(bisect_faces(mesh, coarse), len(mesh.vertices))
@@ -209,21 +219,6 @@ class RoundedStock(Stock):
         """The mesh with its vertices from the `first` on moved to the nearest surface points."""
         moved = np.vstack([mesh.vertices[:first], self.closest_points(mesh.vertices[first:])])
         return TriangleMesh(moved, mesh.faces)
-
-    def _too_coarse(self, mesh: TriangleMesh, chord_tolerance: float) -> Bool[ndarray, " f"]:
-        """Which faces may be farther than `chord_tolerance` mm from the surface, or are tilted against it.
-
-        The body lies below the plane that touches it over the middle of a face: that plane's height over the
-        corners bounds the depth. A closed mesh of which no face is turned over covers the convex body once.
-        """
-        corners = mesh.vertices[mesh.faces]
-        middles = corners.mean(1)
-        distance, normals = self.distances_and_normals(middles)
-        height = -distance - np.einsum("fcx,fx->fc", corners - middles[:, None], normals).min(1)
-        at_corners = self.normals(mesh.vertices)[mesh.faces]
-        turned = np.einsum("fcx,fx->fc", at_corners, mesh.face_vectors).min(1)
-        tilted = turned < LARGEST_TURN * np.linalg.norm(mesh.face_vectors, axis=1)
-        return (height > chord_tolerance) | tilted
 
 
 LEAST = 0.1

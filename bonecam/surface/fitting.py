@@ -80,24 +80,20 @@ def sample_mesh(mesh: TriangleMesh, count: int) -> tuple[Float[ndarray, "n 3"], 
     parts = np.ceil(np.sqrt(count * areas / areas.sum()) - 0.2).clip(1).astype(np.int64)
     points = [mesh.vertices]
     weights = [np.bincount(mesh.faces.ravel(), np.repeat(areas / 3, 3), minlength=len(mesh.vertices)) / 4]
-    for k in np.unique(parts):
+    for k in np.unique(parts).tolist():
         chosen = parts == k
         corners = mesh.vertices[mesh.faces[chosen]]
-        inside = np.einsum("qc,fcd->fqd", _centres(int(k)), corners).reshape(-1, 3)
+        # Barycentric centres of the k^2 similar parts of a triangle.
+        i, j = (v.ravel() for v in np.meshgrid(np.arange(k), np.arange(k)))
+        up = i + j < k
+        down = i + j < k - 1
+        first = np.column_stack([i[up] + 1 / 3, j[up] + 1 / 3])
+        second = np.column_stack([i[down] + 2 / 3, j[down] + 2 / 3])
+        two = np.vstack([first, second]) / k
+        inside = np.einsum("qc,fcd->fqd", np.column_stack([two, 1 - two.sum(axis=1)]), corners).reshape(-1, 3)
         points.append(inside)
         weights.append(np.repeat(0.75 * areas[chosen] / k**2, k**2))
     return np.vstack(points), np.concatenate(weights)
-
-
-def _centres(k: int) -> Float[ndarray, "q 3"]:
-    """Barycentric centres of the k^2 similar parts of a triangle."""
-    i, j = (v.ravel() for v in np.meshgrid(np.arange(k), np.arange(k)))
-    up = i + j < k
-    down = i + j < k - 1
-    first = np.column_stack([i[up] + 1 / 3, j[up] + 1 / 3])
-    second = np.column_stack([i[down] + 2 / 3, j[down] + 2 / 3])
-    two = np.vstack([first, second]) / k
-    return np.column_stack([two, 1 - two.sum(axis=1)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,7 +132,33 @@ def miss_votes(surface: TSpline, samples: MeshSamples, goal: float) -> Votes:
 def refine(tmesh: RowTMesh, votes: Votes, room: int) -> RowTMesh:
     """The T-mesh with the best cuts made, at most `room` control points more; the same T-mesh where none is
     left."""
-    cuts = sorted(_cuts(tmesh, votes), key=lambda cut: (-cut.worth, cut.row, cut.place))
+    # All cuts that got votes.
+    span, window = clamped_spans(tmesh.t_knots, votes.t)
+    functions = span_functions(window, votes.t, 0)[0]
+    acting = span[:, None] + np.arange(-3, 1)
+    widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
+    side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
+    height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
+    tall = height > side
+
+    cuts = []
+    for j, knots in enumerate(tmesh.s_knots):
+        if len(knots) < FEWEST:
+            continue
+        share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * ~tall
+        here = share > 0
+        index = _interval(knots, votes.s[here])[0]
+        worth = np.bincount(index, share[here], minlength=len(knots))
+        gaps = np.diff(np.append(knots, knots[0] + 1))
+        for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
+            cuts.append(KnotCandidate(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), float(worth[k])))
+
+    voting = tall & (height > LOWEST * votes.goal)
+    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
+    for k in np.flatnonzero(worth):
+        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
+        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), float(worth[k]) / cost))
+    cuts = sorted(cuts, key=lambda cut: (-cut.worth, cut.row, cut.place))
     wanted = min(room, max(FEWEST_ADDED, round((MIN_GROWTH + GROWTH_BY_MISS * votes.missed) * tmesh.size)))
     refined = tmesh
     rows = [list(row) for row in tmesh.s_knots]
@@ -161,36 +187,6 @@ def with_t_knots(t_knots: Float[ndarray, " k"], rows: list[ndarray], new: Float[
     chosen[0], chosen[-1] = rows[0], rows[-1]
     chosen[1], chosen[-2] = rows[1], rows[-2]
     return RowTMesh.from_rows(refined, chosen)
-
-
-def _cuts(tmesh: RowTMesh, votes: Votes) -> list[KnotCandidate]:
-    """All cuts that got votes."""
-    span, window = clamped_spans(tmesh.t_knots, votes.t)
-    functions = span_functions(window, votes.t, 0)[0]
-    acting = span[:, None] + np.arange(-3, 1)
-    widths = np.stack([_interval(tmesh.s_knots[j], votes.s)[1] for j in range(len(tmesh.s_knots))], axis=1)
-    side = (functions * np.take_along_axis(widths, acting, axis=1)).sum(axis=1) * votes.around
-    height = (tmesh.t_knots[span + 1] - tmesh.t_knots[span]) * votes.along
-    tall = height > side
-
-    cuts = []
-    for j, knots in enumerate(tmesh.s_knots):
-        if len(knots) < FEWEST:
-            continue
-        share = np.where(acting == j, functions, 0).sum(axis=1) * votes.weight * ~tall
-        here = share > 0
-        index = _interval(knots, votes.s[here])[0]
-        worth = np.bincount(index, share[here], minlength=len(knots))
-        gaps = np.diff(np.append(knots, knots[0] + 1))
-        for k in np.flatnonzero((worth > 0) & (gaps > NARROWEST)):
-            cuts.append(KnotCandidate(j, float(np.mod(knots[k] + gaps[k] / 2, 1.0)), float(worth[k])))
-
-    voting = tall & (height > LOWEST * votes.goal)
-    worth = np.bincount(span[voting], votes.weight[voting], minlength=len(tmesh.t_knots))
-    for k in np.flatnonzero(worth):
-        cost = max(len(tmesh.s_knots[j]) for j in (k - 2, k - 1))
-        cuts.append(KnotCandidate(-1, float(tmesh.t_knots[k : k + 2].mean()), float(worth[k]) / cost))
-    return cuts
 
 
 def _interval(knots: ndarray, s: ndarray) -> tuple[ndarray, ndarray]:
@@ -402,32 +398,6 @@ def thin(surface: TSpline, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTar
     return surface, target
 
 
-def first_surface(rows: Rows, target: FitTarget, aim: Aim) -> tuple[TSpline, FitTarget]:
-    """A coarse surface with the parameters of the rows, and the closest points on it.
-
-    Its T-mesh grows as long as the surface folds less.
-    """
-    spans, knots = next(first[1:] for first in FIRST if first[0] <= aim.most)
-    tmesh = first_tmesh(spans, knots)
-    best = through_loops(rows, tmesh)
-    surface = best
-    fewest = folded_places(best, target)
-    stalled = 0
-    while fewest > 0 and stalled < MAX_STALLED:
-        votes = miss_votes(surface, target.on(surface, aim.tolerance).all, aim.tolerance)
-        finer = aim.refine(tmesh, votes, round(FIRST_SHARE * aim.most) - tmesh.size)
-        if finer.size == tmesh.size:
-            break
-        tmesh = finer
-        surface = through_loops(rows, finer)
-        folded = folded_places(surface, target)
-        stalled = 0 if folded < GAIN * fewest else stalled + 1
-        if folded < fewest:
-            best = surface
-            fewest = folded
-    return best, target.on(best, aim.tolerance)
-
-
 def folded_places(surface: TSpline, target: FitTarget) -> int:
     """How many places of the fold grid do not face as the mesh does; the tip of a cone never does."""
     return int((target.shape.facing(surface, *fold_grid(surface)) <= LEAST_FACING).sum())
@@ -543,7 +513,29 @@ def _fit_rows(mesh: TriangleMesh, rows: Rows, aim: Aim, progress: Progress) -> F
 
     Rounds end where the dense measurement finds nothing missed, or more control points would not help.
     """
-    surface, target = first_surface(rows, FitTarget.of(mesh, rows, SAMPLES), aim)
+    # A coarse surface with the parameters of the rows, and the closest points on it. Its T-mesh grows as long as the
+    # surface folds less.
+    target = FitTarget.of(mesh, rows, SAMPLES)
+    spans, knots = next(first[1:] for first in FIRST if first[0] <= aim.most)
+    tmesh = first_tmesh(spans, knots)
+    best = through_loops(rows, tmesh)
+    surface = best
+    fewest = folded_places(best, target)
+    stalled = 0
+    while fewest > 0 and stalled < MAX_STALLED:
+        votes = miss_votes(surface, target.on(surface, aim.tolerance).all, aim.tolerance)
+        finer = aim.refine(tmesh, votes, round(FIRST_SHARE * aim.most) - tmesh.size)
+        if finer.size == tmesh.size:
+            break
+        tmesh = finer
+        surface = through_loops(rows, finer)
+        folded = folded_places(surface, target)
+        stalled = 0 if folded < GAIN * fewest else stalled + 1
+        if folded < fewest:
+            best = surface
+            fewest = folded
+    surface = best
+    target = target.on(best, aim.tolerance)
     surface, target = settle(surface, target, aim)
     rounds: list[tuple[bool, float, int, TSpline, Deviation]] = []
     size = 0

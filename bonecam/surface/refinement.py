@@ -39,7 +39,22 @@ def refine_rows(surface: Surface, s: Float[ndarray, " n"], t: Float[ndarray, " n
         for j in range(len(rows)):
             acting = (span - 3 <= j) & (j <= span)
             if len(rows[j][0]) > 1 and acting.any():
-                rows[j] = with_knots(rows[j], _middles(rows[j], s[acting], np.concatenate([row[0] for row in rows])))
+                # The middles of the intervals that hold s; one that is a known knot but for rounding is that knot.
+                here = rows[j]
+                places = s[acting]
+                known = np.concatenate([row[0] for row in rows])
+                knots = here[0]
+                if _is_open(here):
+                    k = np.unique(clamped_spans(knots, places)[0])
+                    middles = (knots[k] + knots[k + 1]) / 2
+                    period = 2.0
+                else:
+                    k = np.unique((np.searchsorted(knots, np.mod(places, 1.0), side="right") - 1) % len(knots))
+                    middles = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0)
+                    period = 1.0
+                apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
+                nearest = apart.argmin(axis=1)
+                rows[j] = with_knots(rows[j], np.where(apart.min(axis=1) < NEAREST, known[nearest], middles))
     t_knots = tmesh.t_knots
     if "t" in directions:
         for x in np.unique((tmesh.t_knots[span] + tmesh.t_knots[span + 1]) / 2):
@@ -75,22 +90,6 @@ def _rows(surface: Surface) -> list[Row]:
 
 def _is_open(row: Row) -> bool:
     return len(row[0]) > len(row[1])
-
-
-def _middles(row: Row, s: ndarray, known: ndarray) -> ndarray:
-    """The middles of the intervals that hold s; one that is a known knot but for rounding is that knot."""
-    knots = row[0]
-    if _is_open(row):
-        k = np.unique(clamped_spans(knots, s)[0])
-        middles = (knots[k] + knots[k + 1]) / 2
-        period = 2.0
-    else:
-        k = np.unique((np.searchsorted(knots, np.mod(s, 1.0), side="right") - 1) % len(knots))
-        middles = np.mod((knots[k] + np.append(knots, knots[0] + 1)[k + 1]) / 2, 1.0)
-        period = 1.0
-    apart = np.abs(np.mod(middles[:, None] - known + period / 2, period) - period / 2)
-    nearest = apart.argmin(axis=1)
-    return np.where(apart.min(axis=1) < NEAREST, known[nearest], middles)
 
 
 def with_knots(row: Row, new: Float[ndarray, " k"]) -> Row:

@@ -220,7 +220,32 @@ class Reduction:
         inserted: list[ndarray] = []
         size = 4 * (not self.closed) * len(curves)
         for points in curves:
-            kept = self._insert_knots(points, tolerance, SPARED * most - size)
+            # The fewest candidates to begin with and those inserted at the peaks of the error, until it is below the
+            # tolerance everywhere, or they are more than `most`.
+            room = SPARED * most - size
+            count = len(self.candidates)
+            kept = (
+                np.unique(np.linspace(0, count, FEWEST, endpoint=False).astype(np.int64))
+                if self.closed
+                else np.empty(0, dtype=np.int64)
+            )
+            while len(kept) < min(count, room + 1):
+                error = self._fit(kept, points, tolerance)[1]
+                if error.max() < tolerance:
+                    break
+                # Where a value is no smaller than its two neighbours.
+                lower, upper = np.roll(error, 1), np.roll(error, -1)
+                if not self.closed:
+                    lower[0] = upper[-1] = -np.inf
+                peaks = self._sites[np.flatnonzero(((error >= lower) & (error >= upper)) & (error >= tolerance))]
+                free = np.setdiff1d(np.arange(count), kept)
+                # The number of the knot that is nearest to each parameter, the short way round a closed curve
+                knots = self.candidates[free]
+                before, behind = (knots[-1] - 1, knots[0] + 1) if self.closed else (-np.inf, np.inf)
+                around = np.concatenate([[before], knots, [behind]])
+                right = np.searchsorted(around[1:-1], peaks) + 1
+                nearer_left = peaks - around[right - 1] <= around[right] - peaks
+                kept = np.union1d(kept, free[((right - 1 - nearer_left) % len(knots))])
             size += len(kept)
             if size > SPARED * most:
                 return None
@@ -271,30 +296,6 @@ class Reduction:
         inner = points - matrix[:, [0, -1]] @ points[[0, -1]]
         return np.vstack([points[:1], _least_squares(matrix[:, 1:-1], inner, weights), points[-1:]])
 
-    def _insert_knots(self, points: ndarray, tolerance: float, most: float) -> Int[ndarray, " k"]:
-        """The fewest candidates to begin with and those inserted at the peaks of the error, until it is below
-        the tolerance everywhere, or they are more than `most`."""
-        count = len(self.candidates)
-        kept = (
-            np.unique(np.linspace(0, count, FEWEST, endpoint=False).astype(np.int64))
-            if self.closed
-            else np.empty(0, dtype=np.int64)
-        )
-        while len(kept) < min(count, most + 1):
-            error = self._fit(kept, points, tolerance)[1]
-            if error.max() < tolerance:
-                break
-            peaks = self._sites[np.flatnonzero(self._peaks(error) & (error >= tolerance))]
-            free = np.setdiff1d(np.arange(count), kept)
-            # The number of the knot that is nearest to each parameter, the short way round a closed curve
-            knots = self.candidates[free]
-            before, behind = (knots[-1] - 1, knots[0] + 1) if self.closed else (-np.inf, np.inf)
-            around = np.concatenate([[before], knots, [behind]])
-            right = np.searchsorted(around[1:-1], peaks) + 1
-            nearer_left = peaks - around[right - 1] <= around[right] - peaks
-            kept = np.union1d(kept, free[((right - 1 - nearer_left) % len(knots))])
-        return kept
-
     def _remove_knots(self, kept: ndarray, points: ndarray, tolerance: float) -> Int[ndarray, " k"]:
         """The kept candidates without those that can be spared, tried in the order of the error without them,
         until MAX_NEEDED in a row cannot be spared."""
@@ -312,13 +313,6 @@ class Reduction:
             if needed == MAX_NEEDED or len(kept) <= (FEWEST if self.closed else 0):
                 break
         return kept
-
-    def _peaks(self, values: Float[ndarray, " n"]) -> ndarray:
-        """Where a value is no smaller than its two neighbours."""
-        before, after = np.roll(values, 1), np.roll(values, -1)
-        if not self.closed:
-            before[0] = after[-1] = -np.inf
-        return (values >= before) & (values >= after)
 
 
 def _least_squares(matrix: sp.csr_array, points: ndarray, weights: ndarray) -> ndarray:
@@ -538,7 +532,24 @@ def patch_surface(mesh: TriangleMesh, tolerance: float) -> TSpline:
 
     SurfaceError where the mesh has no edge or more than one, no four corners, or where MOST rows are not enough.
     """
-    flat, size = _layout(mesh)
+    # The vertices in a rectangle, and the rectangle's size, mm.
+    import igl
+
+    loops = igl.boundary_loop_all(mesh.faces)
+    if len(loops) != 1:
+        what = f"has {len(loops)} edges" if len(loops) else "is closed"
+        raise SurfaceError(f"a patch of one piece has one edge, this mesh {what}: cut it open", edges=len(loops))
+    edge = np.asarray(loops[0], dtype=np.int64)
+    sides = _sides(mesh.vertices, edge)
+    ways = [np.r_[0.0, np.cumsum(lengths(np.diff(mesh.vertices[side], axis=0)))] for side in sides]
+    size = np.array([(ways[k][-1] + ways[k + 2][-1]) / 2 for k in (0, 1)])
+    corners = np.array([[0, 0], [size[0], 0], size, [0, size[1]], [0, 0]])
+    border_points = []
+    for k, way in enumerate(ways):
+        share = way[:-1, None] / way[-1]
+        border_points.append((1 - share) * corners[k] + share * corners[k + 1])
+    border = np.concatenate([side[:-1] for side in sides])
+    flat = igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(border_points), 1)
     count = FEWEST_POINTS
     while True:
         # Rows of points on the mesh at equal distances in the rectangle, `count` both ways
@@ -562,28 +573,6 @@ def patch_surface(mesh: TriangleMesh, tolerance: float) -> TSpline:
                 f"or raise surface.tolerance ({tolerance:g} mm)",
                 deviation_mm=deviation,
             )
-
-
-def _layout(mesh: TriangleMesh) -> tuple[Float[ndarray, "v 2"], Float[ndarray, "2"]]:
-    """The vertices in a rectangle, and the rectangle's size, mm."""
-    import igl
-
-    loops = igl.boundary_loop_all(mesh.faces)
-    if len(loops) != 1:
-        what = f"has {len(loops)} edges" if len(loops) else "is closed"
-        raise SurfaceError(f"a patch of one piece has one edge, this mesh {what}: cut it open", edges=len(loops))
-    edge = np.asarray(loops[0], dtype=np.int64)
-    sides = _sides(mesh.vertices, edge)
-    ways = [np.r_[0.0, np.cumsum(lengths(np.diff(mesh.vertices[side], axis=0)))] for side in sides]
-    size = np.array([(ways[k][-1] + ways[k + 2][-1]) / 2 for k in (0, 1)])
-    corners = np.array([[0, 0], [size[0], 0], size, [0, size[1]], [0, 0]])
-    border_points = []
-    for k, way in enumerate(ways):
-        share = way[:-1, None] / way[-1]
-        border_points.append((1 - share) * corners[k] + share * corners[k + 1])
-    border = np.concatenate([side[:-1] for side in sides])
-    flat = igl.harmonic(mesh.vertices, mesh.faces, border, np.vstack(border_points), 1)
-    return flat, size
 
 
 def _sides(vertices: Float[ndarray, "v 3"], edge: Int[ndarray, " e"]) -> list[Int[ndarray, " _"]]:
@@ -764,7 +753,14 @@ def blade_solid(surface: TSpline, chord_tolerance: float) -> TriangleMesh:
         faces.append(_strip(first, t[first], last, t[last]))
     for end in (low, high):
         loop = _sorted(t == end, s)
-        faces.append(_cap(loop if end == low else loop[::-1], points))
+        # Triangles that close a loop and run against it.
+        run = loop if end == low else loop[::-1]
+        away = np.linalg.norm(points[run][:, None] - points[run], axis=2)
+        near, far = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
+        one = run[near : far + 1][::-1]
+        other = np.r_[run[far:], run[: near + 1]]
+        ways = [lengths_along(points[side]) for side in (one, other)]
+        faces.append(_strip(one, ways[0] / ways[0][-1], other, ways[1] / ways[1][-1]))
     solid = TriangleMesh(points, np.vstack(faces).astype(np.int32))
     if holes_of(solid) or not solid.volume > 0:
         raise SurfaceError(
@@ -778,16 +774,6 @@ def _sorted(chosen: ndarray, along: Float[ndarray, " n"]) -> Int[ndarray, " k"]:
     """The chosen vertices in the order of a parameter."""
     index = np.flatnonzero(chosen)
     return index[np.argsort(along[index])]
-
-
-def _cap(loop: Int[ndarray, " k"], points: Float[ndarray, "n 3"]) -> Int[ndarray, "f 3"]:
-    """Triangles that close a loop and run against it."""
-    away = np.linalg.norm(points[loop][:, None] - points[loop], axis=2)
-    start, end = sorted(int(i) for i in np.unravel_index(np.argmax(away), away.shape))
-    one = loop[start : end + 1][::-1]
-    other = np.r_[loop[end:], loop[: start + 1]]
-    ways = [lengths_along(points[side]) for side in (one, other)]
-    return _strip(one, ways[0] / ways[0][-1], other, ways[1] / ways[1][-1])
 
 
 def _strip(

@@ -61,16 +61,7 @@ def ring_mesh(
     surface: Surface, chord_tolerance: float
 ) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int[ndarray, "m 3"]]:
     """Parameters of the vertices, which of them are poles, and faces counter-clockwise from outside."""
-    t, counts = _rings(surface, chord_tolerance)
-    starts = np.concatenate([[0], np.cumsum(counts)]).tolist()
-    parameters = np.vstack([np.column_stack([np.arange(n) / n, np.full(n, x)]) for n, x in zip(counts, t)])
-    faces = [_zip(starts[k], counts[k], starts[k + 1], counts[k + 1]) for k in range(len(t) - 1)]
-    poles = np.concatenate([np.full(n, n == 1) for n in counts])
-    return parameters, poles, np.vstack(faces)
-
-
-def _rings(surface: Surface, chord_tolerance: float) -> tuple[ndarray, list[int]]:
-    """t of each ring, poles included, and its number of vertices (a pole: 1)."""
+    # t of each ring, poles included, and its number of vertices (a pole: 1).
     breaks = np.unique(surface.elements().boxes[:, 2:])
     middle = (breaks[:-1] + breaks[1:]) / 2
     sag = _sag(surface, middle, 5)
@@ -93,7 +84,12 @@ def _rings(surface: Surface, chord_tolerance: float) -> tuple[ndarray, list[int]
     for end, pole in zip((0, -1), surface.tmesh.poles):
         if pole:
             ring[end] = 1
-    return t, ring.tolist()
+    counts = ring.tolist()
+    starts = np.concatenate([[0], np.cumsum(counts)]).tolist()
+    parameters = np.vstack([np.column_stack([np.arange(n) / n, np.full(n, x)]) for n, x in zip(counts, t)])
+    faces = [_zip(starts[k], counts[k], starts[k + 1], counts[k + 1]) for k in range(len(t) - 1)]
+    poles = np.concatenate([np.full(n, n == 1) for n in counts])
+    return parameters, poles, np.vstack(faces)
 
 
 def _sag(surface: Surface, t: ndarray, which: int) -> ndarray:
@@ -138,7 +134,20 @@ def patch_mesh(
     parameters, vertex = np.unique(corners, axis=0, return_inverse=True)
     faces, centres = _triangles(boxes, parameters, vertex.reshape(-1, 4))
     parameters = np.vstack([parameters, centres])
-    return _with_poles(surface, parameters, faces)
+    # The vertices of a side t = const on which the surface is one point made one, faces that vanish with it left out.
+    poles = np.zeros(len(parameters), dtype=bool)
+    target = np.arange(len(parameters))
+    size = float(np.ptp(surface.control_points, axis=0).max())
+    for level in surface.domain[1] if not surface.elements().period[1] else ():
+        here = np.flatnonzero(parameters[:, 1] == level)
+        points = surface.positions(*parameters[here].T)
+        if len(here) > 1 and np.ptp(points, axis=0).max() <= ONE_POINT * size:
+            target[here] = here[0]
+            poles[here[0]] = True
+    faces = target[faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    used, index = np.unique(faces, return_inverse=True)
+    return parameters[used], poles[used], index.reshape(-1, 3)
 
 
 def _triangles(boxes: ndarray, parameters: ndarray, vertex: ndarray) -> tuple[ndarray, ndarray]:
@@ -167,24 +176,6 @@ def _triangles(boxes: ndarray, parameters: ndarray, vertex: ndarray) -> tuple[nd
             centres.append(((box[0] + box[1]) / 2, (box[2] + box[3]) / 2))
             faces += [(loop[k], loop[(k + 1) % len(loop)], centre) for k in range(len(loop))]
     return np.array(faces, dtype=np.int64), np.array(centres, dtype=np.float64).reshape(-1, 2)
-
-
-def _with_poles(surface: Surface, parameters: ndarray, faces: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """The vertices of a side t = const on which the surface is one point made one, faces that vanish with it
-    left out."""
-    poles = np.zeros(len(parameters), dtype=bool)
-    target = np.arange(len(parameters))
-    size = float(np.ptp(surface.control_points, axis=0).max())
-    for level in surface.domain[1] if not surface.elements().period[1] else ():
-        here = np.flatnonzero(parameters[:, 1] == level)
-        points = surface.positions(*parameters[here].T)
-        if len(here) > 1 and np.ptp(points, axis=0).max() <= ONE_POINT * size:
-            target[here] = here[0]
-            poles[here[0]] = True
-    faces = target[faces]
-    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    used, index = np.unique(faces, return_inverse=True)
-    return parameters[used], poles[used], index.reshape(-1, 3)
 
 
 MOST_VERTICES = 4_000_000

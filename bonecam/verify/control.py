@@ -113,26 +113,7 @@ def nose_moves(motions: Motions, machine: Machine) -> NoseMoves:
     ends = _noses(machine, motions.controls, motions.words, motions.tools)
     known = motions.known_start
     starts = np.where(known[:, None], np.roll(ends, 1, axis=0), ends)
-    return NoseMoves(machine, motions, starts, ends, np.where(known, _bows(motions, machine), 0.0))
-
-
-def _noses(
-    machine: Machine, controls: dict[int, Control], words: Float[ndarray, "n 5"], tools: Int[ndarray, "n"]
-) -> Float[ndarray, "n 3"]:
-    """X, Y, Z of the spindle nose (mm) where the control stands at words (mm, rad) with one of its tools."""
-    noses = np.zeros((len(words), 3))
-    for number, control in controls.items():
-        rows = tools == number
-        joints = words[rows]
-        if control.tool_centre:
-            tips, _ = control.poses(joints)
-            joints = inverse_linear(machine, tips, joints[:, 3:], control.tool_length)
-        noses[rows] = joints[:, :3] + [0.0, 0.0, control.tool_length]
-    return noses
-
-
-def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
-    """By how much (mm) the nose may leave the line between the ends of each move; the first has no start."""
+    # By how much (mm) the nose may leave the line between the ends of each move; the first has no start.
     bows = np.zeros(len(motions.words))
     steps = np.abs(np.diff(motions.words, axis=0, prepend=motions.words[:1]))
     for number, control in motions.controls.items():
@@ -158,7 +139,22 @@ def _bows(motions: Motions, machine: Machine) -> Float[ndarray, "n"]:
             part
             + _accelerations(machine, machine.tool_axes[::-1], turns=turns, points=tip, speed=still, acceleration=still)
         ) / 8
-    return bows
+    return NoseMoves(machine, motions, starts, ends, np.where(known, bows, 0.0))
+
+
+def _noses(
+    machine: Machine, controls: dict[int, Control], words: Float[ndarray, "n 5"], tools: Int[ndarray, "n"]
+) -> Float[ndarray, "n 3"]:
+    """X, Y, Z of the spindle nose (mm) where the control stands at words (mm, rad) with one of its tools."""
+    noses = np.zeros((len(words), 3))
+    for number, control in controls.items():
+        rows = tools == number
+        joints = words[rows]
+        if control.tool_centre:
+            tips, _ = control.poses(joints)
+            joints = inverse_linear(machine, tips, joints[:, 3:], control.tool_length)
+        noses[rows] = joints[:, :3] + [0.0, 0.0, control.tool_length]
+    return noses
 
 
 def _accelerations(
@@ -199,7 +195,21 @@ def check_limits(motions: Motions, machine: Machine) -> None:
     for column, linear in enumerate(machine.linear):
         _check_linear(noses, column, linear)
         _check_travel(noses, column, linear)
-    _check_retracts(noses, machine.linear[2])
+    # Retracts to a height in machine coordinates; without limits of Z it is not known where that height is
+    low, high = machine.linear[2].limits
+    if not np.isfinite(high - low):
+        return
+    top = float(noses.ends[:, 2].max(initial=-np.inf))
+    for move in motions.partial:
+        height = move.joints[2]
+        if not move.retract or not np.isfinite(height):
+            continue
+        if not low - GUARD <= height <= high + GUARD:
+            raise _beyond("Z", height, low if height < low else high, "mm", move.line)
+        if height < top - GUARD:
+            what = f"the retract to Z {height:g} of the machine is below the spindle nose at its highest ({top:.1f} mm)"
+            remedy = "correct the limits and part_zero of the machine's file, or the retract of the dialect's"
+            raise VerifyError(f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height)
 
 
 def _known(motions: Motions, column: int) -> tuple[Float[ndarray, "m"], Int[ndarray, "m"]]:
@@ -280,25 +290,6 @@ def _extreme(
     return float(values[at]), int(lines[at])
 
 
-def _check_retracts(noses: NoseMoves, axis: LinearAxis) -> None:
-    """VerifyError where a retract to a height in machine coordinates is beyond the limits of Z, or below a move.
-    Without limits it is not known where that height is."""
-    low, high = axis.limits
-    if not np.isfinite(high - low):
-        return
-    top = float(noses.ends[:, 2].max(initial=-np.inf))
-    for move in noses.motions.partial:
-        height = move.joints[2]
-        if not move.retract or not np.isfinite(height):
-            continue
-        if not low - GUARD <= height <= high + GUARD:
-            raise _beyond("Z", height, low if height < low else high, "mm", move.line)
-        if height < top - GUARD:
-            what = f"the retract to Z {height:g} of the machine is below the spindle nose at its highest ({top:.1f} mm)"
-            remedy = "correct the limits and part_zero of the machine's file, or the retract of the dialect's"
-            raise VerifyError(f"line {move.line}: {what}: {remedy}", line=move.line, place=None, error=top - height)
-
-
 def _beyond(letter: str, value: float, limit: float, unit: str, line: int) -> VerifyError:
     what = f"{letter} goes to {value:.3f} {unit}, its limit is {limit:g} {unit}"
     return VerifyError(f"line {line}: {what}: {LARGER}", line=line, place=None, error=abs(value - limit))
@@ -327,14 +318,6 @@ def check_spindle_of_job(motions: Motions, dialect: Dialect, cutters: dict[int, 
         return f"S{motions.spindle[at]:g}: the job has {cutter.spindle:g} 1/min for {cutter.name}: give less"
 
     refuse_first(motions, ~motions.rapid & (motions.spindle > most), why)
-
-
-def check_feeds(motions: Motions, machine: Machine, dialect: Dialect) -> None:
-    """VerifyError at the first feed beyond what the linear axes of the machine make together, mm/min."""
-    most = float(np.linalg.norm([axis.speed for axis in machine.linear]))
-    speeds, known = tip_speeds(motions, dialect)
-    bound = f"the axes of {machine.title} make {most:.0f} at most: give less"
-    refuse_first(motions, known & (speeds > most), lambda at: f"a feed of {speeds[at]:.0f} mm/min: {bound}")
 
 
 def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: dict[int, Cutter]) -> None:
@@ -384,23 +367,14 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
     wrong = ~motions.rapid & (motions.inverse_time != inverse)
     refuse_first(motions, wrong, lambda _: f"the feed is {message}: correct the mode in a line before")
     if job is None:
-        check_feeds(motions, machine, dialect)
+        # VerifyError at the first feed beyond what the linear axes of the machine make together, mm/min.
+        most = float(np.linalg.norm([axis.speed for axis in machine.linear]))
+        speeds, known = tip_speeds(motions, dialect)
+        bound = f"the axes of {machine.title} make {most:.0f} at most: give less"
+        refuse_first(motions, known & (speeds > most), lambda at: f"a feed of {speeds[at]:.0f} mm/min: {bound}")
         return
     cutters = {cutter.number: cutter for cutter in cutters_of(job, machine)}
-    _check_tools(motions, cutters)
-    tools_of(motions, list(cutters.values()))
-    check_spindle_of_job(motions, dialect, cutters)
-    quick = {number: replace(one, feed=job.fastest_feed(one.name)) for number, one in cutters.items()}
-    check_feeds_of_job(motions, dialect, job, quick)
-    check_tolerance(motions, dialect, job)
-    if job.nc.coolant:
-        dry = ~motions.rapid & ~motions.links & ~motions.coolant
-        why = "a cut without coolant, which the job asks for: switch it on before (M8), or nc.coolant = false"
-        refuse_first(motions, dry, lambda _: why)
-
-
-def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
-    """VerifyError where the header describes a tool otherwise than the job."""
+    # VerifyError where the header describes a tool otherwise than the job.
     for number, reported in motions.described.items():
         if number not in cutters:
             continue
@@ -416,6 +390,15 @@ def _check_tools(motions: Motions, cutters: dict[int, Cutter]) -> None:
                 raise VerifyError(
                     f"line {reported.line}: {what}: {remedy}", line=reported.line, place=None, error=abs(value - wanted)
                 )
+    tools_of(motions, list(cutters.values()))
+    check_spindle_of_job(motions, dialect, cutters)
+    quick = {number: replace(one, feed=job.fastest_feed(one.name)) for number, one in cutters.items()}
+    check_feeds_of_job(motions, dialect, job, quick)
+    check_tolerance(motions, dialect, job)
+    if job.nc.coolant:
+        dry = ~motions.rapid & ~motions.links & ~motions.coolant
+        why = "a cut without coolant, which the job asks for: switch it on before (M8), or nc.coolant = false"
+        refuse_first(motions, dry, lambda _: why)
 
 
 def check_tolerance(motions: Motions, dialect: Dialect, job: Job) -> None:
@@ -499,26 +482,7 @@ def program_text(program: Path, machine: Machine, dialect: Dialect, job: Job) ->
     means."""
     whole = joined(program, dialect)
     text = whole.text
-    _require_machine(text, machine, dialect, program)
-    try:
-        check_control(read_program(text, machine, dialect), machine, dialect, job)
-    except (ProgramError, VerifyError) as error:
-        place = str(program)
-        line = error.evidence.get("line", 0)
-        if line and {file for file, _ in whole.places} != {program}:
-            place = f"{whole.place(line)} (of the whole program"
-            raise type(error)(f"{place} {error})", **error.evidence) from error
-        raise type(error)(f"{program}: {error}", **error.evidence) from error
-    return text
-
-
-def header_of(text: str) -> str:
-    """The lines of a program in which its header tells what is mounted."""
-    return "\n".join(text.split("\n")[:HEADER_LINES])
-
-
-def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Path) -> None:
-    """ProgramError where the text is for another kind of control, or the header names another machine."""
+    # ProgramError where the text is for another kind of control, or the header names another machine.
     first = text.split("\n", 1)[0]
     begins = "BEGIN PGM" if "BEGIN PGM" in first else "%" if first.strip() == "%" else ""
     if begins and begins != ("BEGIN PGM" if dialect.grammar == "klartext" else dialect.frame):
@@ -536,3 +500,18 @@ def _require_machine(text: str, machine: Machine, dialect: Dialect, program: Pat
             f"{program}: it was made for another machine ({reported}), not for {machine.title}: give its --machine",
             line=0,
         )
+    try:
+        check_control(read_program(text, machine, dialect), machine, dialect, job)
+    except (ProgramError, VerifyError) as error:
+        place = str(program)
+        line = error.evidence.get("line", 0)
+        if line and {file for file, _ in whole.places} != {program}:
+            place = f"{whole.place(line)} (of the whole program"
+            raise type(error)(f"{place} {error})", **error.evidence) from error
+        raise type(error)(f"{program}: {error}", **error.evidence) from error
+    return text
+
+
+def header_of(text: str) -> str:
+    """The lines of a program in which its header tells what is mounted."""
+    return "\n".join(text.split("\n")[:HEADER_LINES])

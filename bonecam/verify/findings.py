@@ -335,7 +335,17 @@ class Removal:
                 "depth_max_line": deepest.line if deepest else None,
             },
             "clearance_mm": {name: _rounded(spot.value) if spot else None for name, spot in clearances.items()},
-            "left": _left_figures(self.left) if self.left else None,
+            "left": {
+                "area_over_0_02_mm2": round(self.left.area, 3),
+                "part_mm2": round(self.left.mesh.area, 3),
+                "areas_over_mm2": {f"{height:g}": round(area, 3) for height, area in self.left.areas_over.items()},
+                "max_mm": _rounded(max(self.left.highest.value, 0.0)),
+                "place": [round(value, 3) for value in self.left.highest.place],
+                "by_reason": {reason: round(area, 3) for reason, area in self.left.by_reason.items()},
+                "gouge_max_mm": _rounded(max(self.left.deepest_gouge.value, 0.0)),
+            }
+            if self.left
+            else None,
             "given": self.given.report if self.given else None,
             "bridge_diameter_mm": None if self.bridge is None else _rounded(self.bridge),
         }
@@ -362,18 +372,6 @@ def _level_figures(level: LevelRemoval) -> dict[str, Any]:
         "rubbing_time_share": _rounded(level.rubbing_time_share),
         "links_mm3": _rounded(level.links),
         "links_depth_mm": _rounded(level.link_depth.value) if level.link_depth else 0.0,
-    }
-
-
-def _left_figures(left: Left) -> dict[str, Any]:
-    return {
-        "area_over_0_02_mm2": round(left.area, 3),
-        "part_mm2": round(left.mesh.area, 3),
-        "areas_over_mm2": {f"{height:g}": round(area, 3) for height, area in left.areas_over.items()},
-        "max_mm": _rounded(max(left.highest.value, 0.0)),
-        "place": [round(value, 3) for value in left.highest.place],
-        "by_reason": {reason: round(area, 3) for reason, area in left.by_reason.items()},
-        "gouge_max_mm": _rounded(max(left.deepest_gouge.value, 0.0)),
     }
 
 

@@ -66,7 +66,20 @@ def prove_surface_removal(
             unknown = f"force and bending are not known, since {error}"
 
     # What stands before the surface is finished, on post and stub, with the normal probes of the surface
-    solids = [solid, layer_on(surface, job.levels.finishing_depth)]
+    # The closed mesh of a layer of material that is `depth` mm thick on a surface, along its normals.
+    tessellation = surface.tessellate_with_parameters(CHORD)
+    s, t = tessellation.parameters.T
+    normals = surface.normals(s, t)
+    faces = tessellation.mesh.faces
+    points = tessellation.mesh.vertices
+    count = len(tessellation.mesh.vertices)
+    edges = half_edges(tessellation.mesh).reshape(-1, 2).astype(np.int64)
+    forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
+    a, b = edges[~np.isin(forward, backward)].T
+    walls = np.vstack([np.column_stack([a + count, b + count, b]), np.column_stack([a + count, b, a])])
+    closed = np.vstack([faces, faces[:, ::-1] + count, walls])
+    both = np.vstack([points + job.levels.finishing_depth * normals, points - SUNK * normals])
+    solids = [solid, TriangleMesh(both, closed.astype(np.int32))]
     material = solids_stock(solids, clamping.carried(post), normal_probes_on(surface))
     removal = simulate_removal(
         text,
@@ -92,23 +105,6 @@ def solids_stock(solids: Sequence[TriangleMesh], carried: Sequence[Column], prob
     columns = [cylinder(column.radius, column.bottom, column.top, CHORD) for column in carried]
     sets, grid = lay_solids([*solids, *columns], ACCURACY.cell, ACCURACY.memory_mb)
     return SimulatedStock(sets, grid, probes)
-
-
-def layer_on(surface: TSpline, depth: float) -> TriangleMesh:
-    """The closed mesh of a layer of material that is `depth` mm thick on a surface, along its normals."""
-    tessellation = surface.tessellate_with_parameters(CHORD)
-    s, t = tessellation.parameters.T
-    normals = surface.normals(s, t)
-    faces = tessellation.mesh.faces
-    points = tessellation.mesh.vertices
-    count = len(tessellation.mesh.vertices)
-    edges = half_edges(tessellation.mesh).reshape(-1, 2).astype(np.int64)
-    forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
-    a, b = edges[~np.isin(forward, backward)].T
-    walls = np.vstack([np.column_stack([a + count, b + count, b]), np.column_stack([a + count, b, a])])
-    closed = np.vstack([faces, faces[:, ::-1] + count, walls])
-    both = np.vstack([points + depth * normals, points - SUNK * normals])
-    return TriangleMesh(both, closed.astype(np.int32))
 
 
 DESIGN_CHORD = 0.001

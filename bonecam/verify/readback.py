@@ -103,7 +103,17 @@ def compare_moves(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect,
     begins = first[reached] | (from_anywhere[reached] & ~motions.known_start)
     # below this feed a block in inverse time may last as long as its slowest axis needs
     slow = np.repeat([SLOW * path.cutter.feed for path in paths], sizes)
-    by_turn = _by_turn(motions, np.minimum(slow, feeds)[reached])
+    # Moves in inverse time that are slower than the feed `slow` and last as long as their slowest axis needs.
+    needed = np.zeros(len(motions.tips))
+    words = np.column_stack([motions.words[:, :3], np.degrees(motions.words[:, 3:])])
+    for number, control in motions.controls.items():
+        rows = motions.tools == number
+        joints, _ = joints_and_lengths(control, words)
+        needed[rows] = axis_minutes(control.machine, joints)[rows]
+    share = motions.feed_rates * needed
+    slower = motions.feed_rates * motions.lengths < np.minimum(slow, feeds)[reached]
+    lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
+    by_turn = motions.inverse_time & slower & lasts
     by_turn &= (kinds[reached] != MoveKind.RAPID) | (not dialect.straight_rapids)
     _check_feeds(motions, posted & ~by_turn, kinds=kinds[reached], feeds=feeds[reached], begins=begins, dialect=dialect)
     return Readback(len(tips), source, tip_error, axis_error)
@@ -157,17 +167,3 @@ def _check_feeds(
             place=tuple(motions.tips[move].tolist()),
             error=np.inf if motions.rapid[move] else float(abs(written[move] - feeds[move])),
         )
-
-
-def _by_turn(motions: Motions, slow: Float[ndarray, "n"]) -> Bool[ndarray, "n"]:
-    """Moves in inverse time that are slower than the feed `slow` and last as long as their slowest axis needs."""
-    needed = np.zeros(len(motions.tips))
-    words = np.column_stack([motions.words[:, :3], np.degrees(motions.words[:, 3:])])
-    for number, control in motions.controls.items():
-        rows = motions.tools == number
-        joints, _ = joints_and_lengths(control, words)
-        needed[rows] = axis_minutes(control.machine, joints)[rows]
-    share = motions.feed_rates * needed
-    slower = motions.feed_rates * motions.lengths < slow
-    lasts = (share <= 1 + FEED_TOLERANCE) & (share >= 1 - FEED_TOLERANCE)
-    return motions.inverse_time & slower & lasts

@@ -139,7 +139,13 @@ def check_removal(
                 f"limit, allowed {level.over_allowed:.3f},",
                 "cut the levels in their order; for a program of bonecam try a smaller scallop of the cutter before",
             )
-    _check_parted_last(removal.levels)
+    # VerifyError where a level is cut after the parting.
+    parted = False
+    for level in removal.levels:
+        if parted and level.index != PARTING and level.deepest:
+            what = "a cut follows the parting, on a part that only the bridge holds,"
+            _refuse(level.deepest, what, "part at the end of the program")
+        parted |= level.index == PARTING
     if removal.given is not None:
         removal.given.check()
     if removal.bridge is not None and not removal.bridge > max(bridge - 2 * removal.cell, 0.0):
@@ -158,16 +164,6 @@ def _refuse(spot: Spot, what: str, remedy: str) -> None:
         place=spot.place,
         error=spot.value,
     )
-
-
-def _check_parted_last(levels: Sequence[LevelRemoval]) -> None:
-    """VerifyError where a level is cut after the parting."""
-    parted = False
-    for level in levels:
-        if parted and level.index != PARTING and level.deepest:
-            what = "a cut follows the parting, on a part that only the bridge holds,"
-            _refuse(level.deepest, what, "part at the end of the program")
-        parted |= level.index == PARTING
 
 
 def _check_clearance(clearance: Clearance, what: str, remedy: str, kind: type[VerifyError] = VerifyError) -> None:

@@ -102,17 +102,6 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
     )
 
 
-def in_grid(pieces: Pieces, grid: RayGrid, direction: int) -> Pieces:
-    """The pieces in the coordinates of the rays along one of the grid's directions."""
-    columns = order(direction)
-    return pieces._replace(
-        starts=np.ascontiguousarray(grid.of_points(pieces.starts)[:, columns]),
-        ends=np.ascontiguousarray(grid.of_points(pieces.ends)[:, columns]),
-        start_axes=np.ascontiguousarray(grid.of_vectors(pieces.start_axes)[:, columns]),
-        end_axes=np.ascontiguousarray(grid.of_vectors(pieces.end_axes)[:, columns]),
-    )
-
-
 AIR = 1e-4
 """A feed move that removes less is in air, mm^3: a hundredth of a move of 0.2 mm at a depth of 0.1."""
 RUBBING = 0.02
@@ -289,26 +278,21 @@ def height_field_of_rays(
     """The material on the lines of a chart from the height `top`, which is above all of it, down to `floor`, mm."""
     axis = chart.axes(chart.a[:1])[0]
     a, b = (each.ravel() for each in np.meshgrid(chart.a, chart.b, indexing="ij"))
-    heights = heights_of_material(chart.bases(a, b) + top * axis, axis, floor - top, sets, grid)
-    tops = top + heights.reshape(len(chart.a), len(chart.b))
-    return HeightField(chart, tops, np.full(tops.shape, floor))
-
-
-def heights_of_material(
-    starts: Float[ndarray, "n 3"], axis: Float[ndarray, "3"], floor: float, sets: Sequence[RaySet], grid: RayGrid
-) -> Float[ndarray, " n"]:
-    """How high (mm) above its start material reaches on each line along the unit `axis`, looked for from starts that
-    lie above all of it down to the height `floor` (negative), in steps of STEP; `floor` where there is none."""
-    heights = np.full(len(starts), floor)
+    # How high (mm) above its start material reaches on each line, looked for from starts that lie above all of it down
+    # to the `depth` (negative), in steps of STEP; `depth` where there is none
+    starts = chart.bases(a, b) + top * axis
+    depth = floor - top
+    heights = np.full(len(starts), depth)
     going = np.arange(len(starts))
-    for height in np.arange(0.0, floor, -STEP):
+    for down in np.arange(0.0, depth, -STEP):
         held = np.zeros(len(going), dtype=bool)
-        in_material(*sets, grid.of_points(starts[going] + height * axis), held)
-        heights[going[held]] = height
+        in_material(*sets, grid.of_points(starts[going] + down * axis), held)
+        heights[going[held]] = down
         going = going[~held]
         if not len(going):
             break
-    return heights
+    tops = top + heights.reshape(len(chart.a), len(chart.b))
+    return HeightField(chart, tops, np.full(tops.shape, floor))
 
 
 def rays_above(rays: RaySet, grid: RayGrid, direction: int, height: float) -> RaySet:
@@ -397,7 +381,15 @@ class NormalProbes:
             ways = Ways(*poses, pieces.reach, pieces.body)
             cut_probes_by_body(probes, REACH, ways, heights, pieces.moves, owners, from_top=False)
         else:
-            capsules = _capsules(pieces, radius)
+            # What a ball sweeps on its pieces, and the flutes above it where they may reach material.
+            fluted = pieces.reach > 0
+            # the ball at the top of a capsule must end where the flutes do
+            rises = np.maximum(pieces.reach[fluted] - radius, 0.0)
+            tops = pieces.ends[fluted] + rises[:, None] * pieces.end_axes[fluted]
+            starts = np.vstack([pieces.starts, pieces.ends[fluted]])
+            ends = np.vstack([pieces.ends, tops])
+            names = np.r_[pieces.moves, pieces.moves[fluted]]
+            capsules = Capsules(starts, ends, np.full(len(starts), radius), names)
             cut_normal_probes(probes, REACH, capsules, heights, owners, from_top=False)
         self.heights[self.by_cell] = heights
         self.owners[self.by_cell] = owners
@@ -418,18 +410,6 @@ def normal_probes_on(part: TSpline, chord_tolerance: float = CHORD) -> NormalPro
     for k in range(3):
         np.add.at(areas, corners[:, k], thirds)
     return NormalProbes(tessellation.mesh, part.positions(s, t), part.normals(s, t), areas)
-
-
-def _capsules(pieces: Pieces, radius: float) -> Capsules:
-    """What a ball sweeps on its pieces, and the flutes above it where they may reach material."""
-    fluted = pieces.reach > 0
-    # the ball at the top of a capsule must end where the flutes do
-    heights = np.maximum(pieces.reach[fluted] - radius, 0.0)
-    tops = pieces.ends[fluted] + heights[:, None] * pieces.end_axes[fluted]
-    starts = np.vstack([pieces.starts, pieces.ends[fluted]])
-    ends = np.vstack([pieces.ends, tops])
-    names = np.r_[pieces.moves, pieces.moves[fluted]]
-    return Capsules(starts, ends, np.full(len(starts), radius), names)
 
 
 BRICK = 0.4
@@ -526,8 +506,34 @@ class Sweeping:
         engage before each piece is cut."""
         sections, parts = sections_of(cutter)
         least = np.max([swept.least for swept in self.found], axis=0)
-        # flutes matter where they may meet material, the others where they may come nearer than they have
-        bounded = _bounded(pieces, sections, np.r_[0.0, least[parts[1:]]], self._bricks())
+        # The bricks of the material that stands now.
+        extent = self.bounds[1] - self.bounds[0]
+        size = max(BRICK, float(np.cbrt(extent.prod() / MOST_BRICKS)))
+        corner = self.bounds[0] - size
+        occupied = np.zeros(np.ceil(extent / size).astype(int) + 2, dtype=bool)
+        for direction, rays in enumerate(self.sets):
+            rotation = np.ascontiguousarray(self.grid.rotation[order(direction)])
+            mark_bricks(rays, rotation, self.grid.corner, BRICK_RAYS, corner, size=size, occupied=occupied)
+        spare = size / SAMPLES / 2 + BRICK_RAYS * self.grid.cell
+        if occupied.any():
+            distance = distance_transform_edt(~occupied) * size
+        else:
+            distance = np.full(occupied.shape, float(np.linalg.norm(extent)) + WATCHED)
+        # The pieces with what the bricks tell of flutes, which matter where they may meet material, and of the sections
+        # above them, which do where they may come nearer than they have
+        watched = np.r_[0.0, least[parts[1:]]]
+        bricks = Bricks(distance, corner, size, spare)
+        bounds = np.empty((len(pieces.starts), len(sections)))
+        near = np.empty((len(pieces.starts), len(sections), 2))
+
+        def bound(some: slice) -> None:
+            poses = (pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes)
+            sliced = [pose[some] for pose in poses]
+            bound_clearances(*sliced, sections, watched, bricks, bounds[some], near[some])
+
+        in_pieces(bound, len(bounds), BOUNDED)
+        reach = np.where(bounds[:, 0] < 0, near[:, 0, 1], 0.0)
+        bounded = pieces._replace(reach=reach, bounds=bounds[:, 1:].copy(), near=near[:, 1:].copy())
 
         def work(which: slice) -> None:
             if which.start < len(self.sets):
@@ -542,7 +548,14 @@ class Sweeping:
         self, pieces: Pieces, sections: Float[ndarray, "s 4"], parts: Int[ndarray, " s"], direction: int, edges: Edges
     ) -> None:
         """Take the pieces out of one set of rays, with more room on them where it is needed."""
-        turned = in_grid(pieces, self.grid, direction)
+        # The pieces in the coordinates of the rays along one of the grid's directions.
+        columns = order(direction)
+        turned = pieces._replace(
+            starts=np.ascontiguousarray(self.grid.of_points(pieces.starts)[:, columns]),
+            ends=np.ascontiguousarray(self.grid.of_points(pieces.ends)[:, columns]),
+            start_axes=np.ascontiguousarray(self.grid.of_vectors(pieces.start_axes)[:, columns]),
+            end_axes=np.ascontiguousarray(self.grid.of_vectors(pieces.end_axes)[:, columns]),
+        )
         radius = float(sections[0, 2])
         swept = self.found[direction]
         at = 0
@@ -562,22 +575,6 @@ class Sweeping:
             )
             if at < len(pieces.starts):
                 self.sets[direction] = with_more_room(rays)
-
-    def _bricks(self) -> Bricks:
-        """The bricks of the material that stands now."""
-        extent = self.bounds[1] - self.bounds[0]
-        size = max(BRICK, float(np.cbrt(extent.prod() / MOST_BRICKS)))
-        corner = self.bounds[0] - size
-        occupied = np.zeros(np.ceil(extent / size).astype(int) + 2, dtype=bool)
-        for direction, rays in enumerate(self.sets):
-            rotation = np.ascontiguousarray(self.grid.rotation[order(direction)])
-            mark_bricks(rays, rotation, self.grid.corner, BRICK_RAYS, corner, size=size, occupied=occupied)
-        spare = size / SAMPLES / 2 + BRICK_RAYS * self.grid.cell
-        if occupied.any():
-            distance = distance_transform_edt(~occupied) * size
-        else:
-            distance = np.full(occupied.shape, float(np.linalg.norm(extent)) + WATCHED)
-        return Bricks(distance, corner, size, spare)
 
     @property
     def standing(self) -> Standing:
@@ -628,18 +625,3 @@ def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s
         for one in cutter.profile
     ]
     return np.array(rows), np.array([-1, *(PARTS.index(one.name) for one in cutter.profile[1:])])
-
-
-def _bounded(pieces: Pieces, sections: Float[ndarray, "s 4"], watched: Float[ndarray, " s"], bricks: Bricks) -> Pieces:
-    """The pieces with what the bricks tell of flutes and of the sections above them."""
-    bounds = np.empty((len(pieces.starts), len(sections)))
-    near = np.empty((len(pieces.starts), len(sections), 2))
-
-    def bound(some: slice) -> None:
-        poses = (pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes)
-        sliced = [pose[some] for pose in poses]
-        bound_clearances(*sliced, sections, watched, bricks, bounds[some], near[some])
-
-    in_pieces(bound, len(bounds), BOUNDED)
-    reach = np.where(bounds[:, 0] < 0, near[:, 0, 1], 0.0)
-    return pieces._replace(reach=reach, bounds=bounds[:, 1:].copy(), near=near[:, 1:].copy())

@@ -36,13 +36,9 @@ from scipy.sparse.linalg import splu
 
 from bonecam.arrays import dots, lengths, unit
 from bonecam.job import PathJob
-from bonecam.machine import MachineLimits
-from bonecam.machine.limits import polar_angles
-from bonecam.mesh import Curvature, heights_above, mls_curvature, vertex_normals
-from bonecam.mesh.facets import voronoi_areas
-from bonecam.planning import CollisionChecker, Scene
-from bonecam.planning.axes.field import ContactFacets, contact_facets
-from bonecam.planning.axes.lead import SINGULAR_CONE, within_limits
+from bonecam.machine import MachineLimits, polar_angles
+from bonecam.mesh import Curvature, heights_above, mls_curvature, vertex_normals, voronoi_areas
+from bonecam.planning import SINGULAR_CONE, CollisionChecker, ContactFacets, Scene, contact_facets, within_limits
 from bonecam.surface import TSpline
 from bonecam.tool import ContactPath
 

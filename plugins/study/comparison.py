@@ -35,28 +35,31 @@ from bonecam_plugins.study.probing import (
 )
 from bonecam_plugins.study.rows import Claim, Comparison, Measured, Row, claims_of, figures_of
 
-from bonecam import BonecamError, Job, Morphed, Result, read_job, simulate
+from bonecam import (
+    BonecamError,
+    Job,
+    Morphed,
+    Posting,
+    check_job,
+    check_one_feed,
+    machine_levels,
+    morph_standing,
+    read_job,
+    simulate,
+    stand_part,
+)
 from bonecam.errors import FileError, JobError, LevelError
 from bonecam.files import check_files, check_folder, whole_folder, write_whole
-from bonecam.job import PathJob
-from bonecam.job.path_section import OF_MORPH
-from bonecam.levels.job_levels import make_levels
+from bonecam.job import OF_MORPH, PathJob
+from bonecam.levels import make_levels
 from bonecam.machine import Machine, read_machine
-from bonecam.machining import Posting, check_one_feed, machine_levels, morph_standing, stand_part
-from bonecam.mechanics.loads import mechanics_of_job
+from bonecam.mechanics import mechanics_of_job
 from bonecam.mesh import MeshDistance, MeshLike, mesh_from
-from bonecam.nc import Dialect, job_dialect
-from bonecam.nc.requirements import check_reach
-from bonecam.pipeline import check_job
+from bonecam.nc import Dialect, check_reach, job_dialect
 from bonecam.progress import Progress, part, report, silent
-from bonecam.report import Report
-from bonecam.report.kept import kept_contents, kept_levels
-from bonecam.surface import load_surface
-from bonecam.surface.files.surface_input import holds_surface
-from bonecam.verify import prove_removal
-from bonecam.verify.control import program_text
-from bonecam.verify.findings import given_surface
-from bonecam.verify.removal import check_removal_of_job, cutters_of
+from bonecam.report import Report, kept_contents, kept_levels
+from bonecam.surface import holds_surface, load_surface
+from bonecam.verify import check_removal_of_job, cutters_of, given_surface, program_text, prove_removal
 from bonecam.workholding import post_below
 
 LINES: tuple[tuple[str, str], ...] = (
@@ -145,15 +148,6 @@ def claims_text(claims: Sequence[Claim]) -> str:
     """Each claim, whether it holds, and the figures that say so."""
     lines = (f"{told:13}  {text} ({of}): {figures}\n" for text, of, told, figures in claim_cells(claims))
     return "".join(lines)
-
-
-def markdown(rows: Sequence[Row], claims: Sequence[Claim]) -> str:
-    """Table, reasons and claims in Markdown."""
-    head, *cells = table_cells(rows)
-    lines = [_piped(head), "|---" + "|---:" * len(rows) + "|", *map(_piped, cells)]
-    lines += [f"\n{reason}" for reason in reasons(rows)]
-    lines += ["", _piped(CLAIM_HEAD), "|---" * len(CLAIM_HEAD) + "|", *map(_piped, claim_cells(claims))]
-    return "\n".join(lines) + "\n"
 
 
 def _piped(cells: Sequence[str]) -> str:
@@ -252,7 +246,12 @@ def write_comparison(made: Comparison, folder: str | Path) -> None:
     and index.html: pictures, claims and table, and the pages of all strategies beside one another."""
     with whole_folder(folder, OWN) as work:
         write_whole(work / "comparison.txt", table_text(made.rows) + "\n" + claims_text(made.claims))
-        write_whole(work / "comparison.md", markdown(made.rows, made.claims))
+        # Table, reasons and claims in Markdown.
+        head, *cells = table_cells(made.rows)
+        lines = [_piped(head), "|---" + "|---:" * len(made.rows) + "|", *map(_piped, cells)]
+        lines += [f"\n{reason}" for reason in reasons(made.rows)]
+        lines += ["", _piped(CLAIM_HEAD), "|---" * len(CLAIM_HEAD) + "|", *map(_piped, claim_cells(made.claims))]
+        write_whole(work / "comparison.md", "\n".join(lines) + "\n")
         write_whole(work / "comparison.csv", table_csv(made.rows))
         write_whole(work / "comparison.json", json.dumps(made.report, indent=2) + "\n")
         left = []
@@ -267,21 +266,20 @@ def write_comparison(made: Comparison, folder: str | Path) -> None:
             draw_compared_paths([(name, one.result) for name, one in made.measured.items()], work / "paths.png")
             draw_compared_left(left, scallop, work / "left.png")
             draw_probed([(name, one.probed) for name, one in made.measured.items()], work / "probe.png")
-        write_whole(work / "index.html", _index(made))
-
-
-def _index(made: Comparison) -> str:
-    """The page of a comparison."""
-    names = [html.escape(name) for name in made.measured]
-    pictures = PICTURES if names else {}
-    why = "".join(f"<p>{html.escape(reason)}</p>" for reason in reasons(made.rows))
-    return PAGE.format(
-        title=html.escape(f"{Path(made.part).name}: strategies compared"),
-        pictures="".join(f'<img src="{file}" alt="{what}">' for file, what in pictures.items()),
-        claims=_html_table("claims", [CLAIM_HEAD, *claim_cells(made.claims)]),
-        figures=_html_table("figures", table_cells(made.rows)) + why,
-        frames="".join(FRAME.format(title=name, file=f"page_{name}.html") for name in names),
-    )
+        # The page of a comparison.
+        names = [html.escape(name) for name in made.measured]
+        pictures = PICTURES if names else {}
+        why = "".join(f"<p>{html.escape(reason)}</p>" for reason in reasons(made.rows))
+        write_whole(
+            work / "index.html",
+            PAGE.format(
+                title=html.escape(f"{Path(made.part).name}: strategies compared"),
+                pictures="".join(f'<img src="{file}" alt="{what}">' for file, what in pictures.items()),
+                claims=_html_table("claims", [CLAIM_HEAD, *claim_cells(made.claims)]),
+                figures=_html_table("figures", table_cells(made.rows)) + why,
+                frames="".join(FRAME.format(title=name, file=f"page_{name}.html") for name in names),
+            ),
+        )
 
 
 def _html_table(kind: str, lines: Sequence[Sequence[str]]) -> str:
@@ -458,26 +456,21 @@ class _Study:
             cut = result.program.text, self.machine, self.dialect, result.job, result.stock, result.levels.levels
             removal = prove_removal(*cut, part(progress, 0.7, 0.95), given, check=False)
             figures = cast(Report, {**result.report, **removal.sections})
-            return self._measured(strategy, replace(result, removal=removal, report=figures))
+            result = replace(result, removal=removal, report=figures)
+            assert removal.mechanics is not None
+            state, reason = "done", ""
+            try:
+                check_removal_of_job(removal, result.job)
+            except BonecamError as error:
+                state = "refused"
+                reason = str(error)
+            cutters = tuple(cutters_of(result.job, self.machine))
+            posted = PostedProgram(
+                result.program.text, self.machine, self.dialect, cutters, result.surface, removal=removal
+            )
+            probed = probe_surface(posted, self.line)
+            roughness = roughness_of(posted, result.job.tool("finishing").flutes)
+            row = figures_of(result, posted.motions(), cutters, probed, roughness)
+            return Row(strategy.name, strategy.title, state, reason, row), Measured(result, probed)
         except BonecamError as error:
             return Row(strategy.name, strategy.title, "failed", str(error)), None
-
-    def _measured(self, strategy: Strategy, result: Result) -> tuple[Row, Measured]:
-        """The row of a simulated program."""
-        removal = result.removal
-        assert removal is not None
-        assert removal.mechanics is not None
-        state, reason = "done", ""
-        try:
-            check_removal_of_job(removal, result.job)
-        except BonecamError as error:
-            state = "refused"
-            reason = str(error)
-        cutters = tuple(cutters_of(result.job, self.machine))
-        posted = PostedProgram(
-            result.program.text, self.machine, self.dialect, cutters, result.surface, removal=removal
-        )
-        probed = probe_surface(posted, self.line)
-        roughness = roughness_of(posted, result.job.tool("finishing").flutes)
-        figures = figures_of(result, posted.motions(), cutters, probed, roughness)
-        return Row(strategy.name, strategy.title, state, reason, figures), Measured(result, probed)

@@ -32,18 +32,23 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from bonecam.errors import LevelError, place_name
-from bonecam.levels import LevelProgram, LinearLimits, Method, solve_linearised
-from bonecam.levels.measure import level_grid
-from bonecam.levels.problem import (
+from bonecam.levels import (
     DEPTH_TOLERANCE,
+    LevelProgram,
+    LinearLimits,
+    Method,
+    Stop,
     creases,
     integration_points,
     join,
+    level_grid,
+    levels_to_stock,
     ring_pattern,
     samples_of,
+    solve_linearised,
+    stalls,
     thin_plate,
 )
-from bonecam.levels.sequences import Stop, levels_to_stock, stalls
 from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.progress import Progress
 from bonecam.setup import Capsule, Schedule, Stock
@@ -262,13 +267,14 @@ class PublishedProgram:
         behind = np.full(len(active), np.inf if self.printed else INTERIOR)
         nesting = Planes(R, -self._watch.normals(P)[active], behind)
         if isinstance(self.stock, Capsule):
-            return (balls, self._capsule(R, P, depth)), nesting
+            # The wall of a capsule, at the samples R that may come to it.
+            points = R @ P
+            outside = self.stock.signed_distance(points)
+            near = np.flatnonzero(outside > -depth - 2 * CLEAR)
+            radii = self.stock.radius + np.maximum(outside[near], -CLEAR)
+            axis = self.stock.end - self.stock.start
+            return (balls, Cones(sp.csr_array(R[near]), self.stock.start - points[near], radii, axis)), nesting
         return (balls,), nesting.and_planes(walls)
-
-    def walls_near(self, P: Float[ndarray, "c 3"], depth: float) -> Planes:
-        """Planes of the stock at the watched samples that are less than `depth` mm inside it."""
-        gap = -self.stock.signed_distance(self.watched(P))
-        return self.walls(P, P, np.flatnonzero(gap < depth))
 
     def walls(self, P: Float[ndarray, "c 3"], after: Float[ndarray, "c 3"], which: Int[ndarray, " k"]) -> Planes:
         """Planes that hold the watched samples `which` inside the stock: those that touch it nearest to where
@@ -296,16 +302,6 @@ class PublishedProgram:
         behind = -(self._watch.normals(P) * move).sum(1)
         return np.maximum.reduce([np.linalg.norm(move, axis=1) - depth, outside, behind]), outside
 
-    def _capsule(self, R: sp.csr_array, P: Float[ndarray, "c 3"], depth: float) -> Cones:
-        """The wall of a capsule, at the samples R that may come to it."""
-        assert isinstance(self.stock, Capsule)
-        points = R @ P
-        outside = self.stock.signed_distance(points)
-        near = np.flatnonzero(outside > -depth - 2 * CLEAR)
-        radii = self.stock.radius + np.maximum(outside[near], -CLEAR)
-        axis = self.stock.end - self.stock.start
-        return Cones(sp.csr_array(R[near]), self.stock.start - points[near], radii, axis)
-
 
 ROUNDS = 12
 """So often at most; what the check of levels allows is taken then."""
@@ -320,7 +316,9 @@ def next_moves(
     """
     energy, gradient = program.terms(P, stiffness)
     active = program.first
-    walls = program.walls_near(P, depth)
+    # Planes of the stock at the watched samples that are less than `depth` mm inside it.
+    gap = -program.stock.signed_distance(program.watched(P))
+    walls = program.walls(P, P, np.flatnonzero(gap < depth))
     for _ in range(ROUNDS):
         cones, planes = program.limits(P, depth, active, walls)
         moves = solve_cones(energy, gradient, cones, planes)

@@ -14,9 +14,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from bonecam import Result
-from bonecam.material.dexels import Dexels
+from bonecam.material import Dexels
 from bonecam.mesh import MeshDistance, TriangleMesh
-from bonecam.report.pictures import (
+from bonecam.report import (
     add_legend,
     colours_of,
     lay_out,
@@ -155,7 +155,15 @@ def draw_probed(curves: Sequence[tuple[str, Probed]], path: str | Path) -> None:
 
     drawing = figure.Figure(figsize=SIZE, dpi=DPI, layout="constrained")
     plot = drawing.subplots()
-    low, high = _limits([each for _, one in curves for each in (one.deviation, one.rigid)])
+    # The lowest and the highest deviation of the plot, mm: round the band and most points of each curve.
+    values = [each for _, one in curves for each in (one.deviation, one.rigid)]
+    low, high = -BAND, BAND
+    for curve in values:
+        known = curve[np.isfinite(curve)]
+        if len(known):
+            ends = np.clip(np.quantile(known, [1 - SHOWN, SHOWN]), -LARGEST, LARGEST)
+            low, high = min(low, ends[0]), max(high, ends[1])
+    low, high = low - BAND / 2, high + BAND / 2
     plot.axhspan(-BAND, BAND, color="0.9", zorder=0, label=f"\u00b1{BAND:g} mm")
     for (name, probed), colour in zip(curves, COLOURS):
         known = probed.deviation[np.isfinite(probed.deviation)]
@@ -167,14 +175,3 @@ def draw_probed(curves: Sequence[tuple[str, Probed]], path: str | Path) -> None:
     plot.set(xlabel="along the line (mm)", ylabel="deviation (mm)", ylim=(low, high))
     drawing.legend(fontsize="small", ncols=3, loc="outside upper center")
     save_figure(drawing, path)
-
-
-def _limits(values: Sequence[Float[ndarray, " n"]]) -> tuple[float, float]:
-    """The lowest and the highest deviation of the plot, mm: round the band and most points of each curve."""
-    low, high = -BAND, BAND
-    for each in values:
-        known = each[np.isfinite(each)]
-        if len(known):
-            ends = np.clip(np.quantile(known, [1 - SHOWN, SHOWN]), -LARGEST, LARGEST)
-            low, high = min(low, ends[0]), max(high, ends[1])
-    return low - BAND / 2, high + BAND / 2

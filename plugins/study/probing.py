@@ -47,14 +47,12 @@ from scipy.spatial import ConvexHull
 from bonecam.arrays import dots, lengths, perpendicular, unit
 from bonecam.errors import JobError, MachineError
 from bonecam.machine import Machine
-from bonecam.mesh import MeshDistance, TriangleMesh, exact_closest
-from bonecam.mesh.distance import barycentric
+from bonecam.mesh import MeshDistance, TriangleMesh, barycentric, exact_closest
 from bonecam.nc import Dialect, Motions, read_program
-from bonecam.planning.contacts import at_post
+from bonecam.planning import at_post
 from bonecam.surface import TSpline
 from bonecam.tool import Cutter
-from bonecam.verify import Removal
-from bonecam.verify.sweeping import NormalProbes, feed_minutes, groups_of, straight_pieces
+from bonecam.verify import NormalProbes, Removal, feed_minutes, groups_of, straight_pieces
 from bonecam.workholding import Post
 
 LINES = 72
@@ -246,24 +244,18 @@ def roughness_of(program: PostedProgram, flutes: int, count: int = PLACES) -> Ro
     steps = np.arange(-SAMPLING * CUT_OFF / 2, SAMPLING * CUT_OFF / 2, NODE)
     radius = program.cutter(int(motions.tools[-1])).radius
     s, t = program.part.project(probes.points[here]).parameters.T
-    curved = 1 / radius + _curvature(program, s, t, feeds)
+    # Normal curvature (1/mm, > 0: convex) of the part along the feed, by a step of NODE either way.
+    at, facing = program.part.positions(s, t), program.part.normals(s, t)
+    sagged = np.zeros(len(s))
+    for side in (CUT_OFF / 8, -CUT_OFF / 8):
+        beside = program.part.project(at + side * feeds).points
+        sagged += -dots(beside - at, facing) / side**2
+    curved = 1 / radius + sagged
     height = tooth**2 * np.maximum(curved, 0.0) / 8
     phase = np.mod(steps / np.maximum(tooth, np.finfo(float).tiny)[:, None] + 0.5, 1.0) - 0.5
     along = _profiles(program, probes.points[here], feeds, steps) + 4 * height[:, None] * phase**2
     across = _profiles(program, probes.points[here], np.cross(normals, feeds), steps)
     return Roughness(_ra_rz(along), _ra_rz(across), UM * height)
-
-
-def _curvature(
-    program: PostedProgram, s: Float[ndarray, " n"], t: Float[ndarray, " n"], feeds: Float[ndarray, "n 3"]
-) -> Float[ndarray, " n"]:
-    """Normal curvature (1/mm, > 0: convex) of the part along the feed, by a step of NODE either way."""
-    at, normals = program.part.positions(s, t), program.part.normals(s, t)
-    sagged = np.zeros(len(s))
-    for side in (CUT_OFF / 8, -CUT_OFF / 8):
-        beside = program.part.project(at + side * feeds).points
-        sagged += -dots(beside - at, normals) / side**2
-    return sagged
 
 
 def _profiles(
@@ -366,7 +358,19 @@ def probe_surface(program: PostedProgram, line: ProbeLine, radius: float = RUBY)
     if not 0 < radius <= LARGEST:
         raise JobError(f"a ball of radius {radius:g} mm: give more than 0 and at most {LARGEST:g}")
     side = np.arange(-PATCH * radius, PATCH * radius + SPACING / 2, SPACING)
-    nodes, faces = _patches(line, side)
+    # Nodes round each place of a line, in its tangent plane, and the triangles between them.
+    first = perpendicular(line.normals)
+    second = np.cross(line.normals, first)
+    a, b = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
+    nodes = line.places[:, None] + a[:, None] * first[:, None] + b[:, None] * second[:, None]
+    corner = np.arange(len(side) ** 2).reshape(len(side), -1)
+    low = corner[:-1, :-1]
+    right = corner[1:, :-1]
+    up = corner[:-1, 1:]
+    far = corner[1:, 1:]
+    cells = np.vstack([np.column_stack([x.ravel() for x in three]) for three in ((low, right, far), (low, far, up))])
+    faces = np.arange(len(line.places))[:, None, None] * len(a) + cells
+    nodes, faces = nodes.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
     machined = program.machined(nodes)
     kept, centres = _touched(machined, machined.kept, faces, line, radius)
     _, rigid = _touched(machined, machined.cut, faces, line, radius)
@@ -391,22 +395,6 @@ def _touched(
     return mesh, touching_centres(
         MeshDistance(mesh), line.places, normals=line.normals, radius=radius, start=start, end=end
     )
-
-
-def _patches(line: ProbeLine, side: Float[ndarray, " k"]) -> tuple[Float[ndarray, "m 3"], ndarray]:
-    """Nodes round each place of a line, in its tangent plane, and the triangles between them."""
-    first = perpendicular(line.normals)
-    second = np.cross(line.normals, first)
-    a, b = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
-    nodes = line.places[:, None] + a[:, None] * first[:, None] + b[:, None] * second[:, None]
-    corner = np.arange(len(side) ** 2).reshape(len(side), -1)
-    low = corner[:-1, :-1]
-    right = corner[1:, :-1]
-    up = corner[:-1, 1:]
-    far = corner[1:, 1:]
-    cells = np.vstack([np.column_stack([x.ravel() for x in three]) for three in ((low, right, far), (low, far, up))])
-    faces = np.arange(len(line.places))[:, None, None] * len(a) + cells
-    return nodes.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32)
 
 
 TOUCHES = 1e-6
@@ -475,7 +463,12 @@ def measuring_program(line: ProbeLine, radius: float, part: MeshDistance, contro
     if controller not in CONTROLLERS:
         known = ", ".join(CONTROLLERS)
         raise MachineError(f"no measuring program is known for {controller}: take one of {known}")
-    free = is_free(line.places, line.normals, radius, part)
+    # Whether the part is clear of the stem while the ball touches each place, and of the ball as it comes down to
+    # where its approach begins.
+    stem = STEM_SHARE * radius
+    touching = line.places + radius * line.normals
+    beginning = line.places + (radius + CLEAR) * line.normals
+    free = _column_is_free(touching, radius, stem, part) & _column_is_free(beginning, 0.0, radius, part)
     if not free.any():
         raise MachineError("the stem of the probe is in the way of every point: give another line")
     points = [(k + 1, line.places[k], line.normals[k]) for k in np.flatnonzero(free).tolist()]
@@ -483,17 +476,6 @@ def measuring_program(line: ProbeLine, radius: float, part: MeshDistance, contro
     safe = float(part.mesh.bounds[1, 2]) + SAFE
     lines = CONTROLLERS[controller](name, left, points, radius, safe)
     return "\n".join(lines) + "\n"
-
-
-def is_free(
-    places: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], radius: float, part: MeshDistance
-) -> Bool[ndarray, " n"]:
-    """Whether the part is clear of the stem while the ball touches each place, and of the ball as it comes down to
-    where its approach begins."""
-    stem = STEM_SHARE * radius
-    touching = places + radius * normals
-    beginning = places + (radius + CLEAR) * normals
-    return _column_is_free(touching, radius, stem, part) & _column_is_free(beginning, 0.0, radius, part)
 
 
 def _column_is_free(foot: Float[ndarray, "n 3"], low: float, radius: float, part: MeshDistance) -> Bool[ndarray, " n"]:

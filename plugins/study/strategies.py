@@ -40,7 +40,7 @@ from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.levels import Level
 from bonecam.machine import MachineLimits
-from bonecam.material.dexels import uncut_rays
+from bonecam.material import uncut_rays
 from bonecam.mesh import MeshDistance, TriangleMesh
 from bonecam.planning import (
     Ball,
@@ -50,16 +50,18 @@ from bonecam.planning import (
     Layer,
     Rough,
     Scene,
+    distance_to_part,
+    drop,
     drop_balls,
     finish_layer,
+    flat_step,
+    flute_slack,
     orient,
     parting_paths,
     rough_down,
     rough_layer,
+    unreached,
 )
-from bonecam.planning.contacts import flute_slack
-from bonecam.planning.layers import drop, flat_step, unreached
-from bonecam.planning.scene import distance_to_part
 from bonecam.progress import Progress, report, silent
 from bonecam.setup import Stock, enclosing_capsule
 from bonecam.tool import Cutter, ToolPath
@@ -208,24 +210,19 @@ def offset_curves(
             along = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
             steps = np.diff(np.floor(along / SPACED), prepend=-1.0)
             steps[-1] = 1.0
-            outline.append(thinned(_moved_up(chart, away, line[steps > 0], is_free)))
+            # The points of a line that is OFF the outline moved on to it: as near as balls are free.
+            spaced = line[steps > 0]
+            cell = chart.b[1] - chart.b[0]
+            coordinates = ((spaced - [chart.a[0], chart.b[0]]) / cell).T
+            slopes = [map_coordinates(slope, coordinates, order=1, mode="nearest") for slope in np.gradient(away)]
+            inward = -unit(np.column_stack(slopes) + np.finfo(float).tiny)
+            near, far = np.zeros(len(spaced)), np.full(len(spaced), 2 * OFF)
+            for _ in range(HALVINGS):
+                middle = (near + far) / 2
+                free = is_free(*(spaced + middle[:, None] * inward).T)
+                near, far = np.where(free, middle, near), np.where(free, far, middle)
+            outline.append(thinned(spaced + near[:, None] * inward))
     return [*curves, outline]
-
-
-def _moved_up(
-    chart: FlatChart, away: Float[ndarray, "p q"], line: Float[ndarray, "n 2"], is_free: Free
-) -> Float[ndarray, "n 2"]:
-    """The points of a line that is OFF the outline moved on to it: as near as balls are free."""
-    cell = chart.b[1] - chart.b[0]
-    coordinates = ((line - [chart.a[0], chart.b[0]]) / cell).T
-    slopes = [map_coordinates(slope, coordinates, order=1, mode="nearest") for slope in np.gradient(away)]
-    inward = -unit(np.column_stack(slopes) + np.finfo(float).tiny)
-    near, far = np.zeros(len(line)), np.full(len(line), 2 * OFF)
-    for _ in range(HALVINGS):
-        middle = (near + far) / 2
-        free = is_free(*(line + middle[:, None] * inward).T)
-        near, far = np.where(free, middle, near), np.where(free, far, middle)
-    return line + near[:, None] * inward
 
 
 def thinned(line: Float[ndarray, "n 2"], tolerance: float = STRAIGHT) -> Float[ndarray, "k 2"]:

@@ -134,37 +134,6 @@ class SideVertices:
         return np.arange(self.count - len(uv), self.count)
 
 
-def pieces_of_sides(surface: TSpline, same: float) -> list[list[Piece]]:
-    """The pieces of the four sides of every element, counter-clockwise."""
-    net = SideVertices(surface)
-    count = len(surface.elements().boxes)
-    corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
-    vertex = _merge_points(corners, same)
-    points = corners[np.unique(vertex, return_index=True)[1]]
-    tree = cKDTree(points)
-    raw = []
-    middles = []
-    for e in range(count):
-        for side in range(4):
-            a = vertex[4 * e + side]
-            b = vertex[4 * e + (side + 1) % 4]
-            if a == b and np.ptp(net.positions(e, along_side(side, np.linspace(0, 1, 9))), axis=0).max() <= same:
-                continue  # a side that is one point
-            cuts = [
-                (0.0, int(a)),
-                *_corners_on(net, e, side=side, points=points, tree=tree, ends={int(a), int(b)}, same=same),
-                (1.0, int(b)),
-            ]
-            for (x, v), (y, w) in pairwise(cuts):
-                raw.append((e, side, x, y, v, w))
-                middles.append(net.positions(e, along_side(side, np.array([(x + y) / 2])))[0])
-    curve = _merge_points(np.array(middles), 100 * same)
-    pieces: list[list[Piece]] = [[] for _ in range(count)]
-    for (e, side, x, y, v, w), number in zip(raw, curve):
-        pieces[e].append(Piece(side, x, y, (v, w, int(number))))
-    return pieces
-
-
 def _merge_points(points: Float[ndarray, "n 3"], same: float) -> Int[ndarray, " n"]:
     """Numbers of places, 0, 1, ...: points nearer than `same` share one."""
     first = np.arange(len(points))
@@ -222,7 +191,34 @@ def element_mesh(
     the tolerance. Neighbours whose common side differs by more than the tolerance are an error; smaller gaps
     count as distance.
     """
-    pieces = pieces_of_sides(surface, SAME * float(np.ptp(surface.control_points, axis=0).max()))
+    # The pieces of the four sides of every element, counter-clockwise.
+    same = SAME * float(np.ptp(surface.control_points, axis=0).max())
+    net = SideVertices(surface)
+    count = len(surface.elements().boxes)
+    corners = np.concatenate([net.positions(e, SQUARE) for e in range(count)])
+    vertex = _merge_points(corners, same)
+    points = corners[np.unique(vertex, return_index=True)[1]]
+    tree = cKDTree(points)
+    raw = []
+    middles = []
+    for e in range(count):
+        for side in range(4):
+            a = vertex[4 * e + side]
+            b = vertex[4 * e + (side + 1) % 4]
+            if a == b and np.ptp(net.positions(e, along_side(side, np.linspace(0, 1, 9))), axis=0).max() <= same:
+                continue  # a side that is one point
+            cuts = [
+                (0.0, int(a)),
+                *_corners_on(net, e, side=side, points=points, tree=tree, ends={int(a), int(b)}, same=same),
+                (1.0, int(b)),
+            ]
+            for (x, v), (y, w) in pairwise(cuts):
+                raw.append((e, side, x, y, v, w))
+                middles.append(net.positions(e, along_side(side, np.array([(x + y) / 2])))[0])
+    curve = _merge_points(np.array(middles), 100 * same)
+    pieces: list[list[Piece]] = [[] for _ in range(count)]
+    for (e, side, x, y, v, w), number in zip(raw, curve):
+        pieces[e].append(Piece(side, x, y, (v, w, int(number))))
     cells = np.ones(len(pieces), dtype=np.int64)
     while True:
         net, faces, worst, bent = _triangulate(surface, pieces, cells, tolerance, angle)

@@ -64,7 +64,19 @@ def read_iga(path: str | Path) -> TSpline[ExtractedTMesh]:
         if not elements or counts != {"nodeN": len(nodes), "elemN": len(elements)}:
             what = f"{len(nodes)} nodes and {len(elements)} elements, but it announces {counts or 'none'}"
             raise ContentError(what)
-        return _assembled(np.array(nodes), elements)
+        points = np.array(nodes)
+        functions = np.concatenate([ids for ids, _ in elements])
+        if functions.max() >= len(points):
+            element = int(np.argmax([ids.max() >= len(points) for ids, _ in elements]))
+            what = f"element {element} names function {functions.max()}: there are {len(points)} nodes"
+            raise ContentError(what)
+        degree = max(3, *(max(c.shape[1:]) - 1 for _, c in elements))
+        coefficients = np.concatenate([raise_degree(c, degree).reshape(len(ids), -1) for ids, c in elements])
+        starts = np.concatenate([[0], np.cumsum([len(ids) for ids, _ in elements])]).astype(np.int64)
+        try:
+            return TSpline(ExtractedTMesh(len(points), starts, functions, coefficients), points[:, :3], points[:, 3])
+        except ValueError as error:
+            raise ContentError(str(error)) from error
     except ContentError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 
@@ -118,21 +130,6 @@ def _element(
         raise ContentError(f"a coefficient of {largest:g}: those of blending functions lie in 0 .. 1", line=line)
     order = np.argsort(functions)
     return functions[order], np.array(rows)[order].reshape(count, q + 1, p + 1)
-
-
-def _assembled(nodes: ndarray, elements: list[tuple[ndarray, ndarray]]) -> TSpline[ExtractedTMesh]:
-    functions = np.concatenate([ids for ids, _ in elements])
-    if functions.max() >= len(nodes):
-        element = int(np.argmax([ids.max() >= len(nodes) for ids, _ in elements]))
-        what = f"element {element} names function {functions.max()}: there are {len(nodes)} nodes"
-        raise ContentError(what)
-    degree = max(3, *(max(c.shape[1:]) - 1 for _, c in elements))
-    coefficients = np.concatenate([raise_degree(c, degree).reshape(len(ids), -1) for ids, c in elements])
-    starts = np.concatenate([[0], np.cumsum([len(ids) for ids, _ in elements])]).astype(np.int64)
-    try:
-        return TSpline(ExtractedTMesh(len(nodes), starts, functions, coefficients), nodes[:, :3], nodes[:, 3])
-    except ValueError as error:
-        raise ContentError(str(error)) from error
 
 
 CHORD = 5e-4

@@ -268,7 +268,27 @@ class TMesh:
         self, surface: TSpline["TMesh"], chord_tolerance: float, angle_tolerance: float | None, most_vertices: int
     ) -> Tessellation:
         """The surface over this T-mesh as triangles, as `TSpline.tessellate` wants them."""
-        start = _joined_patches(surface)
+        # The mesh of all elements that a tessellation starts from, opposite sides of a closed direction made one.
+        elements = surface.elements()
+        # Boxes halved until none is too wide for a closed direction; neighbours need not agree.
+        boxes = elements.boxes
+        for axis in (0, 1):
+            while elements.period[axis]:
+                low = boxes[:, 2 * axis]
+                high = boxes[:, 2 * axis + 1]
+                wide = high - low > WIDEST * elements.period[axis]
+                if not wide.any():
+                    break
+                first, second = boxes[wide].copy(), boxes[wide].copy()
+                first[:, 2 * axis + 1] = second[:, 2 * axis] = (low + high)[wide] / 2
+                boxes = np.vstack([boxes[~wide], first, second])
+        corners = corners_of(boxes)
+        for axis in (0, 1):
+            if elements.period[axis]:
+                low, end = elements.domain[axis]
+                last = np.abs(corners[:, axis] - end) <= ROUNDING * np.abs(elements.domain).max()
+                corners[last, axis] = low
+        start = patch_mesh(surface, boxes, corners)
         return outward(split_to_tolerance(surface, start, chord_tolerance, angle_tolerance, most_vertices))
 
 
@@ -382,36 +402,6 @@ def _coefficients(knots: ndarray, low: ndarray, high: ndarray) -> ndarray:
 
 WIDEST = 0.24
 """Share of a period: what is wider would have two ways round."""
-
-
-def _joined_patches(
-    surface: TSpline[TMesh],
-) -> tuple[Float[ndarray, "n 2"], Bool[ndarray, " n"], Int64[ndarray, "m 3"]]:
-    """The mesh of all elements that a tessellation starts from, opposite sides of a closed direction made one."""
-    elements = surface.elements()
-    boxes = _narrow(elements.boxes, elements.period)
-    corners = corners_of(boxes)
-    for axis in (0, 1):
-        if elements.period[axis]:
-            low, end = elements.domain[axis]
-            last = np.abs(corners[:, axis] - end) <= ROUNDING * np.abs(elements.domain).max()
-            corners[last, axis] = low
-    return patch_mesh(surface, boxes, corners)
-
-
-def _narrow(boxes: ndarray, period: tuple[float, float]) -> ndarray:
-    """Boxes halved until none is too wide for a closed direction; neighbours need not agree."""
-    for axis in (0, 1):
-        while period[axis]:
-            low = boxes[:, 2 * axis]
-            high = boxes[:, 2 * axis + 1]
-            wide = high - low > WIDEST * period[axis]
-            if not wide.any():
-                break
-            first, second = boxes[wide].copy(), boxes[wide].copy()
-            first[:, 2 * axis + 1] = second[:, 2 * axis] = (low + high)[wide] / 2
-            boxes = np.vstack([boxes[~wide], first, second])
-    return boxes
 
 
 def outward(found: Tessellation) -> Tessellation:

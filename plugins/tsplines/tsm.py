@@ -118,7 +118,49 @@ def parse_tsm(text: str, path: Path) -> Records:
         words = line.split("#", 1)[0].split()
         if words:
             _add_record(records, n, words[0], words[1:])
-    _check_references(records)
+    # FileError where a record names one that does not exist, or where links contradict one another.
+    if records.header.get("degree", ["3"]) != ["3"]:
+        degree = " ".join(records.header["degree"])
+        raise FileError(f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path))
+    if not any(link is not None for link in records.links):
+        raise FileError(f"{records.path}: the file has no links (l records)", file=str(records.path))
+    tables: dict[str, list] = {
+        "link": records.links,
+        "vertex": records.vertices,
+        "face": records.faces,
+        "edge": records.edges,
+    }
+    kinds = ("link", "link", "link", "vertex", "face", "edge")
+    for n, link in enumerate(records.links):
+        if link is None:
+            continue
+        for kind, named in zip(kinds, link):
+            if not (kind == "face" and named == -1) and not _exists(tables[kind], named):
+                raise records.error("l", n, f"{kind} {named} does not exist")
+        if link[6] not in (0, 1, 2):
+            raise records.error("l", n, f"flag {link[6]} must be 0, 1 or 2")
+    for n, link in enumerate(records.links):
+        if link is not None:
+            # FileError where link n and the links before, after and opposite to it do not name one another
+            previous, following, opposite = (records.links[k] for k in link[:3])
+            if previous[1] != n or following[0] != n:
+                raise records.error("l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it")
+            if opposite[2] != n or link[2] == n or opposite[5] != link[5]:
+                raise records.error("l", n, f"opposite link {link[2]} does not point back to it along edge {link[5]}")
+            if opposite[3] != following[3]:
+                raise records.error(
+                    "l",
+                    n,
+                    f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}",
+                )
+            if following[4] != link[4]:
+                raise records.error(
+                    "l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}"
+                )
+    for short, entities in (("f", records.faces), ("e", records.edges), ("v", records.vertices)):
+        for n, entity in enumerate(entities):
+            if entity is not None and not _exists(records.links, entity[0]):
+                raise records.error(short, n, f"link {entity[0]} does not exist")
     return records
 
 
@@ -178,52 +220,6 @@ def _numbers(path: Path, n: int, words: list[str], kind: Callable[[str], float],
     if not all(abs(value) < LARGEST for value in values):
         raise _line_error(path, n, f"expected finite numbers of a size below {LARGEST:g}")
     return values
-
-
-def _check_references(records: Records) -> None:
-    """FileError where a record names one that does not exist, or where links contradict one another."""
-    if records.header.get("degree", ["3"]) != ["3"]:
-        degree = " ".join(records.header["degree"])
-        raise FileError(f"{records.path}: degree '{degree}': only cubic T-splines are read", file=str(records.path))
-    if not any(link is not None for link in records.links):
-        raise FileError(f"{records.path}: the file has no links (l records)", file=str(records.path))
-    tables: dict[str, list] = {
-        "link": records.links,
-        "vertex": records.vertices,
-        "face": records.faces,
-        "edge": records.edges,
-    }
-    kinds = ("link", "link", "link", "vertex", "face", "edge")
-    for n, link in enumerate(records.links):
-        if link is None:
-            continue
-        for kind, named in zip(kinds, link):
-            if not (kind == "face" and named == -1) and not _exists(tables[kind], named):
-                raise records.error("l", n, f"{kind} {named} does not exist")
-        if link[6] not in (0, 1, 2):
-            raise records.error("l", n, f"flag {link[6]} must be 0, 1 or 2")
-    for n, link in enumerate(records.links):
-        if link is not None:
-            # FileError where link n and the links before, after and opposite to it do not name one another
-            previous, following, opposite = (records.links[k] for k in link[:3])
-            if previous[1] != n or following[0] != n:
-                raise records.error("l", n, f"previous link {link[0]} and next link {link[1]} do not point back to it")
-            if opposite[2] != n or link[2] == n or opposite[5] != link[5]:
-                raise records.error("l", n, f"opposite link {link[2]} does not point back to it along edge {link[5]}")
-            if opposite[3] != following[3]:
-                raise records.error(
-                    "l",
-                    n,
-                    f"it ends at vertex {following[3]}, its opposite link {link[2]} starts at vertex {opposite[3]}",
-                )
-            if following[4] != link[4]:
-                raise records.error(
-                    "l", n, f"it belongs to face {link[4]}, its next link {link[1]} to face {following[4]}"
-                )
-    for short, entities in (("f", records.faces), ("e", records.edges), ("v", records.vertices)):
-        for n, entity in enumerate(entities):
-            if entity is not None and not _exists(records.links, entity[0]):
-                raise records.error(short, n, f"link {entity[0]} does not exist")
 
 
 def _exists(table: list, number: int) -> bool:
@@ -326,7 +322,22 @@ def _vertices(mesh: TMesh) -> tuple[list[int], Int64[ndarray, " n"], Int64[ndarr
     offsets = np.zeros((mesh.size, 2), dtype=np.int64)
     for v in range(len(kinds)):
         members = np.flatnonzero(vertex_of == v)
-        own.append(_own_point(members, mesh))
+        # The control point of a vertex that lies outermost; the middle one where three lines meet.
+        place = mesh.vertices[members]
+        wanted = []
+        for axis in (0, 1):
+            lines = np.unique(place[:, axis])
+            if len(lines) < 3:
+                low, high = (members[place[:, axis] == line] for line in (lines[0], lines[-1]))
+                wanted.append(
+                    lines[0] if _at_border(low, mesh, axis, -1) and not _at_border(high, mesh, axis, 1) else lines[-1]
+                )
+            else:
+                wanted.append(lines[1])
+        outermost = members[(place == wanted).all(axis=1)]
+        if not len(outermost):
+            raise SurfaceError(f"control point {members[0]} belongs to a corner that .tsm files have no form for")
+        own.append(int(outermost[0]))
         offsets[members] = mesh.vertices[members] - mesh.vertices[own[-1]]
     if (np.abs(offsets) > 1).any():
         raise SurfaceError("more than three lines with one knot meet at a vertex: a .tsm file cannot hold it")
@@ -365,25 +376,6 @@ def _neighbours(mesh: TMesh, direction: int) -> ndarray:
     return neighbours
 
 
-def _own_point(members: ndarray, mesh: TMesh) -> int:
-    """The control point of a vertex that lies outermost; the middle one where three lines meet."""
-    place = mesh.vertices[members]
-    wanted = []
-    for axis in (0, 1):
-        lines = np.unique(place[:, axis])
-        if len(lines) < 3:
-            low, high = (members[place[:, axis] == line] for line in (lines[0], lines[-1]))
-            wanted.append(
-                lines[0] if _at_border(low, mesh, axis, -1) and not _at_border(high, mesh, axis, 1) else lines[-1]
-            )
-        else:
-            wanted.append(lines[1])
-    outermost = members[(place == wanted).all(axis=1)]
-    if not len(outermost):
-        raise SurfaceError(f"control point {members[0]} belongs to a corner that .tsm files have no form for")
-    return int(outermost[0])
-
-
 def _at_border(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
     """Whether the domain ends beside these control points, on the side `sign` along `axis`."""
     place = mesh.vertices[nodes]
@@ -399,30 +391,6 @@ def _at_border(nodes: ndarray, mesh: TMesh, axis: int, sign: int) -> bool:
         valid = ((cell >= 0) & (cell < shape)).all(axis=1)
         cells.append(valid & mesh.inside[tuple(np.where(valid[:, None], cell, 0).T)])
     return not np.logical_or(*cells).all()
-
-
-def _links(own: list[int], neighbours: Int64[ndarray, "v 4"]) -> tuple[list[tuple[int, int]], list[int]]:
-    """The half edges (vertex, direction), the two of an edge one after the other, and of each the next round its face:
-    the one that turns left most."""
-    links = []
-    for v, row in enumerate(neighbours):
-        for direction, w in enumerate(row.tolist()):
-            if w >= 0 and neighbours[w, (direction + 2) % 4] != v:
-                message = (
-                    f"lines with one knot part between control points {own[v]} and {own[w]}: a .tsm file cannot hold it"
-                )
-                raise SurfaceError(message, control_points=(own[v], own[w]))
-            if direction < 2 and w >= 0:
-                links += [(v, direction), (w, direction + 2)]
-    ids = {link: n for n, link in enumerate(links)}
-    following = []
-    for v, direction in links:
-        end = int(neighbours[v, direction])
-        turns = [ids[end, k % 4] for k in (direction + 1, direction, direction - 1) if (end, k % 4) in ids]
-        if not turns:
-            raise SurfaceError(f"an edge ends at control point {own[end]} inside a face: a .tsm file cannot hold it")
-        following.append(turns[0])
-    return links, following
 
 
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -469,31 +437,26 @@ def _places(records: Records, directions: list[int]) -> tuple[ndarray, tuple[flo
         what = f"the knot intervals round it do not add up: they miss by {s:.6g} in s and {t:.6g} in t"
         raise records.error("f", int(wrong[0]), what)
 
-    period = _period(records, misses, slack)
-    for axis in (0, 1):
-        if period[axis]:
-            positions[used, axis] -= positions[start, axis]
-    return positions, period
-
-
-def _period(records: Records, misses: list[tuple[int, ndarray]], slack: float) -> tuple[float, float]:
-    """The periods in s and t: by how much walks round the surface miss their start. FileError where two walks
-    miss it by different lengths, or in s and t at once."""
-    period = [0.0, 0.0]
+    # The periods in s and t: by how much walks round the surface miss their start. FileError where two walks miss it
+    # by different lengths, or in s and t at once.
+    periods = [0.0, 0.0]
     for n, miss in misses:
         for axis in (0, 1):
             length = abs(float(miss[axis]))
             if length <= slack:
                 continue
-            if abs(miss[1 - axis]) > slack or (period[axis] and abs(length - period[axis]) > slack):
+            if abs(miss[1 - axis]) > slack or (periods[axis] and abs(length - periods[axis]) > slack):
                 raise records.error(
                     "l",
                     n,
                     f"knot intervals do not add up round a loop: they miss by {miss[0]:.6g} in s and "
                     f"{miss[1]:.6g} in t",
                 )
-            period[axis] = period[axis] or length
-    return period[0], period[1]
+            periods[axis] = periods[axis] or length
+    for axis in (0, 1):
+        if periods[axis]:
+            positions[used, axis] -= positions[start, axis]
+    return positions, (periods[0], periods[1])
 
 
 def _lines(values: ndarray, slack: float, period: float) -> tuple[ndarray, ndarray]:
@@ -507,15 +470,6 @@ def _lines(values: ndarray, slack: float, period: float) -> tuple[ndarray, ndarr
     first = np.full(int(number.max()) + 1, len(values))
     np.minimum.at(first, number, np.arange(len(values)))
     return np.maximum(values[first], 0.0), number
-
-
-def _exact_knots(records: Records, letter: str, knots: ndarray) -> ndarray:
-    """The knots with all digits, from the file's comment #s-knots or #t-knots; `knots`, summed from
-    intervals, where it has none. FileError where the two differ."""
-    stated = np.array(records.knots.get(f"{letter}-knots", knots))
-    if len(stated) != len(knots) or (np.abs(stated - stated[0] - knots) > 1e-6 * np.ptp(knots)).any():
-        raise records.error(f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to")
-    return stated
 
 
 def tmesh_of(records: Records) -> tuple[TMesh, list[int]]:
@@ -552,10 +506,16 @@ def tmesh_of(records: Records) -> tuple[TMesh, list[int]]:
     for axis in (0, 1):
         values, number = _lines(positions[used, axis], SLACK * np.ptp(positions[used]), period[axis])
         lines[used, axis] = number
-        knots.append(_exact_knots(records, "st"[axis], values))
-    stated = [records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period)]
+        # The knots with all digits, from the file's comment #s-knots or #t-knots; `knots`, summed from intervals,
+        # where it has none. FileError where the two differ.
+        letter = "st"[axis]
+        stated = np.array(records.knots.get(f"{letter}-knots", values))
+        if len(stated) != len(values) or (np.abs(stated - stated[0] - values) > 1e-6 * np.ptp(values)).any():
+            raise records.error(f"#{letter}-knots", 0, "its knots are not those that the edges' intervals add up to")
+        knots.append(stated)
+    s_period, t_period = (records.knots.get(f"{letter}-period", [length])[0] for letter, length in zip("st", period))
     nodes, grips = _nodes(records, directions)
-    return _index_grid(records, nodes, directions, lines=lines, line_knots=knots, period=(stated[0], stated[1])), grips
+    return _index_grid(records, nodes, directions, lines=lines, line_knots=knots, period=(s_period, t_period)), grips
 
 
 def _nodes(records: Records, directions: list[int]) -> tuple[ndarray, list[int]]:
@@ -764,7 +724,26 @@ def tsm_text(surface: TSpline[TMesh], homogeneous: bool = False) -> str:
 
 def _topology(mesh: TMesh, own: list[int], neighbours: Int64[ndarray, "v 4"]) -> list[str]:
     """The records f, e, v, l and ec."""
-    links, following = _links(own, neighbours)
+    # The half edges (vertex, direction), the two of an edge one after the other, and of each the next round its face:
+    # the one that turns left most.
+    links = []
+    for v, row in enumerate(neighbours):
+        for direction, w in enumerate(row.tolist()):
+            if w >= 0 and neighbours[w, (direction + 2) % 4] != v:
+                message = (
+                    f"lines with one knot part between control points {own[v]} and {own[w]}: a .tsm file cannot hold it"
+                )
+                raise SurfaceError(message, control_points=(own[v], own[w]))
+            if direction < 2 and w >= 0:
+                links += [(v, direction), (w, direction + 2)]
+    ids = {link: n for n, link in enumerate(links)}
+    following = []
+    for v, direction in links:
+        end = int(neighbours[v, direction])
+        turns = [ids[end, k % 4] for k in (direction + 1, direction, direction - 1) if (end, k % 4) in ids]
+        if not turns:
+            raise SurfaceError(f"an edge ends at control point {own[end]} inside a face: a .tsm file cannot hold it")
+        following.append(turns[0])
     previous = {n: k for k, n in enumerate(following)}
     flags = [1 - (links[n][1] - links[previous[n]][1] + 1) % 4 + 1 for n in range(len(links))]
     face = [-2] * len(links)
@@ -818,16 +797,27 @@ def read_tsm(path: str | Path, *, homogeneous: bool = False, to_mm: bool = False
     first = text.split("\n", 1)[0].strip()
     if first.split()[:1] != [TSM_HEADER]:
         raise FileError(f"{path}: the first line must be '{TSM_HEADER}', not '{first[:40]}'", file=str(path), line=1)
-    return _read_half_edges(parse_tsm(text, path), path, homogeneous, to_mm)
-
-
-def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: bool) -> TSpline[TMesh]:
+    records = parse_tsm(text, path)
     try:
         tmesh, numbers = tmesh_of(records)
-        values = _control_points(records, numbers)
+        # x, y, z and weight of the control points with these numbers in the file.
+        rows = []
+        for k in numbers:
+            point = records.grips[k]
+            if point is None:
+                raise records.error("0g", k, "a control point in use is deleted")
+            if not point[3] > 0:
+                raise records.error("0g", k, f"weight {point[3]} is not positive")
+            rows.append(point)
+        values = np.array(rows)
         weights = values[:, 3:]
         points = values[:, :3] / weights if homogeneous else values[:, :3]
-        points = points * (_scale(records.header, path) if to_mm else 1.0)
+        if to_mm:
+            unit = records.header.get("units", ["", "?"])[-1]
+            if unit not in MILLIMETRES:
+                remedy = f"state one of {', '.join(MILLIMETRES)} (units)"
+                raise file_error(path, f"its unit {unit!r} is not known", remedy)
+            points = points * MILLIMETRES[unit]
         stated = records.header.get("end-conditions") == [MIRRORED]
         if stated and not records.owners and not all(tmesh.period):
             tmesh, control_points = with_mirrored_borders(tmesh, np.column_stack([points * weights, weights]))
@@ -838,19 +828,6 @@ def _read_half_edges(records: Records, path: Path, homogeneous: bool, to_mm: boo
         return TSpline(tmesh, points, weights[:, 0])
     except (SurfaceError, ValueError) as error:
         raise FileError(f"{path}: {error}", file=str(path), **getattr(error, "evidence", {})) from error
-
-
-def _control_points(records: Records, numbers: list[int]) -> Float[ndarray, "n 4"]:
-    """x, y, z and weight of the control points with these numbers in the file."""
-    points = []
-    for k in numbers:
-        point = records.grips[k]
-        if point is None:
-            raise records.error("0g", k, "a control point in use is deleted")
-        if not point[3] > 0:
-            raise records.error("0g", k, f"weight {point[3]} is not positive")
-        points.append(point)
-    return np.array(points)
 
 
 def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) -> None:
@@ -864,14 +841,10 @@ def write_tsm(surface: TSpline, path: str | Path, *, homogeneous: bool = False) 
         what = f"{'rows of control points' if rows else 'Bezier elements or open rows'} have no .tsm form"
         raise FileError(f"{path}: {what}: end the name in {'.tspline' if rows else '.iga'}", file=str(path))
     text = tsm_text(surface, homogeneous)
-    _prove(text, surface, Path(path))
-    write_whole(path, text)
-
-
-def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
-    """Read the text back: every vertex must see what it saw, else the file would hold another surface."""
+    # Read the text back: every vertex must see what it saw, else the file would hold another surface.
+    place = Path(path)
     try:
-        tmesh, numbers = tmesh_of(parse_tsm(text, path))
+        tmesh, numbers = tmesh_of(parse_tsm(text, place))
         same = numbers == list(range(surface.tmesh.size)) and all(
             np.array_equal(a, b) for a, b in zip(tmesh.local_knots, surface.tmesh.local_knots)
         )
@@ -880,15 +853,9 @@ def _prove(text: str, surface: TSpline[TMesh], path: Path) -> None:
     if not same:
         raise SurfaceError(
             "half edges cannot hold this T-mesh, whose lines with one knot part at a corner: write_iga can",
-            file=str(path),
+            file=str(place),
         )
-
-
-def _scale(header: dict[str, list[str]], path: Path) -> float:
-    unit = header.get("units", ["", "?"])[-1]
-    if unit not in MILLIMETRES:
-        raise file_error(path, f"its unit {unit!r} is not known", f"state one of {', '.join(MILLIMETRES)} (units)")
-    return MILLIMETRES[unit]
+    write_whole(path, text)
 
 
 READER = Reader("surface", partial(read_tsm, to_mm=True), write_tsm)

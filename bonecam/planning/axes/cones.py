@@ -324,7 +324,14 @@ def crossing(
     """Which of the sweeps (rows are the fields of `Sweep`), turned and with their apexes at `places`, cross the surface
     of an obstacle, as FCL has it."""
     met = np.zeros(len(sizes), dtype=bool)
-    for i, shared in enumerate(_rounded(sizes).tolist()):
+    # Sizes of the catalogue, with which sweeps hold those of these.
+    step, turn = GRID
+    up = sizes.copy()
+    up[:, 0] = step * np.floor(sizes[:, 0] / step)
+    up[:, 5] = step * np.ceil(sizes[:, 5] / step)
+    angles = turn * np.ceil(sizes[:, 3:5] / turn)
+    up[:, 3:5] = np.where(angles <= WIDEST, angles, np.maximum(sizes[:, 3:5], WIDEST))
+    for i, shared in enumerate(up.tolist()):
         alike = _catalogued(*shared)
         met[i] = (alike is None or crosses(alike, turns[i], places[i], obstacle.surface)) and _own_crosses(
             Sweep(*sizes[i].tolist()), places[i], turns[i], obstacle
@@ -343,17 +350,6 @@ def _own_crosses(sweep: Sweep, place: Float[ndarray, "3"], turn: Float[ndarray, 
         return len(near[1]) > 0 and crosses(solid_object(*near), turn, place, obstacle.surface)
 
     return meets(sweep, COARSE_SIDES) and any(meets(step, FINE_SIDES) for step in sweep.steps())
-
-
-def _rounded(sizes: Float[ndarray, "n 6"]) -> Float[ndarray, "n 6"]:
-    """Sizes of the catalogue, with which sweeps hold those of these."""
-    step, turn = GRID
-    up = sizes.copy()
-    up[:, 0] = step * np.floor(sizes[:, 0] / step)
-    up[:, 5] = step * np.ceil(sizes[:, 5] / step)
-    angles = turn * np.ceil(sizes[:, 3:5] / turn)
-    up[:, 3:5] = np.where(angles <= WIDEST, angles, np.maximum(sizes[:, 3:5], WIDEST))
-    return up
 
 
 @lru_cache(maxsize=CATALOGUE)

@@ -419,22 +419,8 @@ class AxisEnergy:
         rough = (self.roughness @ values.T).T
         each = np.ones(rough.shape[1])
         roughness = Residuals.of(self.roughness, [(rough[0], each, 0 * each), (rough[1], 0 * each, each)])
-        parts = self._turning(values), self._bounds(*self.angles(values)), roughness
-        return parts if self.facets is None else (*parts, self._on_facets(values, self.facets))
-
-    def _on_facets(self, values: Float[ndarray, "2 c"], facets: FacetEnergy) -> "Residuals":
-        """The elastic energy on the facets, in rates."""
-        residuals: list[Residual] = []
-        each = np.ones(facets.matrix.shape[0])
-        for angle, wound in ((0, self.winding * facets.wound), (1, 0.0)):
-            scale = facets.feed / self.speeds[angle]
-            slopes = (scale * each, 0 * each)
-            residuals.append((scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1]))
-        return Residuals.of(facets.matrix, residuals)
-
-    def _turning(self, values: Float[ndarray, "2 c"]) -> "Residuals":
-        """The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone
-        is faster cannot be helped."""
+        # The rates of both angles, and what they exceed SPEED_SHARE by; a move round the part whose winding alone is
+        # faster cannot be helped.
         residuals: list[Residual] = []
         share = np.sqrt(self.times / self.times.sum())
         s = self.domain.round(self.parameters[:, 0])
@@ -448,7 +434,18 @@ class AxisEnergy:
             slope = SPEED_WEIGHT * np.sign(rate) * (over > 0) * scale
             for residual, by_angle in ((WEIGHTS[0] * rate, WEIGHTS[0] * scale), (SPEED_WEIGHT * over, slope)):
                 residuals.append((residual, none, by_angle) if angle else (residual, by_angle, none))
-        return Residuals.of(self.steps, residuals)
+        parts = Residuals.of(self.steps, residuals), self._bounds(*self.angles(values)), roughness
+        return parts if self.facets is None else (*parts, self._on_facets(values, self.facets))
+
+    def _on_facets(self, values: Float[ndarray, "2 c"], facets: FacetEnergy) -> "Residuals":
+        """The elastic energy on the facets, in rates."""
+        residuals: list[Residual] = []
+        each = np.ones(facets.matrix.shape[0])
+        for angle, wound in ((0, self.winding * facets.wound), (1, 0.0)):
+            scale = facets.feed / self.speeds[angle]
+            slopes = (scale * each, 0 * each)
+            residuals.append((scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1]))
+        return Residuals.of(facets.matrix, residuals)
 
     def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> "Residuals":
         """What angles exceed their bounds by, and how far axes are outside their cones."""
@@ -541,17 +538,6 @@ FIT_ROUGHNESS = 0.02
 """Weight of second differences in the first fit."""
 
 
-def sample_rows(path: ContactPath) -> Int[ndarray, " k"]:
-    """Contacts about SPACING apart along each pass, its ends included."""
-    passes = path.pass_index
-    begins = np.r_[True, passes[1:] != passes[:-1]]
-    moved = np.r_[0.0, np.linalg.norm(np.diff(path.centres, axis=0), axis=1)]
-    way = np.cumsum(np.where(begins, 0.0, moved))
-    along = way - way[begins][np.cumsum(begins) - 1]
-    cell = np.floor(along / SPACING)
-    return np.flatnonzero(begins | np.r_[begins[1:], True] | np.r_[True, cell[1:] != cell[:-1]])
-
-
 def axis_energy(
     cones: AxisCones,
     rows: Int[ndarray, " k"],
@@ -607,26 +593,6 @@ def _bounds(
         largest_tilt=tilt,
         cones=EllipticCones.none(len(normals)),
         cone_margin=np.zeros(len(normals)),
-    )
-
-
-def first_values(energy: AxisEnergy, normals: Float[ndarray, "n 3"]) -> Float[ndarray, "2 c"]:
-    """Control values fitted to normals at the samples, turned towards +Z by FIRST_LEAN; a sample counts by its area."""
-    horizontal = normals[:, 0] + 1j * normals[:, 1]
-    wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
-    relative = horizontal * np.exp(-1j * wound)
-    middle = relative.sum()
-    azimuth = np.angle(middle) + np.angle(relative * np.conj(middle))
-    polar = np.clip(polar_angles(normals) - FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST)
-    differences = second_differences(energy.domain)
-    rough = FIT_ROUGHNESS * len(normals) / differences.shape[0] * (differences.T @ differences)
-    each = energy.values_at.T * (len(normals) * energy.shares**2)
-    weighted = each * np.abs(horizontal)
-    return np.array(
-        [
-            _solve(weighted @ energy.values_at + rough, weighted @ azimuth),
-            _solve(each @ energy.values_at + rough, each @ polar),
-        ]
     )
 
 
@@ -733,11 +699,40 @@ def smooth_axes(
     contacts. The energy is that of cuts `haste` times as fast as the feed: rates weigh as much more against leaving the
     cones.
     """
-    rows = sample_rows(cones.path)
+    # Contacts about SPACING apart along each pass, its ends included.
+    passes = cones.path.pass_index
+    begins = np.r_[True, passes[1:] != passes[:-1]]
+    moved = np.r_[0.0, np.linalg.norm(np.diff(cones.path.centres, axis=0), axis=1)]
+    way = np.cumsum(np.where(begins, 0.0, moved))
+    along = way - way[begins][np.cumsum(begins) - 1]
+    cell = np.floor(along / SPACING)
+    rows = np.flatnonzero(begins | np.r_[begins[1:], True] | np.r_[True, cell[1:] != cell[:-1]])
     energy = axis_energy(cones, rows, domain=domain, limits=limits, job=job, facets=facets)
     energy = replace(energy, times=energy.times / haste)
     if start is None:
-        values, least = minimise(energy, first_values(energy, cones.path.normals[rows]), FIRST_STEPS)
+        # Control values fitted to normals at the samples, turned towards +Z by FIRST_LEAN; a sample counts by its
+        # area.
+        normals = cones.path.normals[rows]
+        horizontal = normals[:, 0] + 1j * normals[:, 1]
+        wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
+        relative = horizontal * np.exp(-1j * wound)
+        middle = relative.sum()
+        azimuth = np.angle(middle) + np.angle(relative * np.conj(middle))
+        polar = np.clip(polar_angles(normals) - FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST)
+        differences = second_differences(energy.domain)
+        rough = FIT_ROUGHNESS * len(normals) / differences.shape[0] * (differences.T @ differences)
+        each = energy.values_at.T * (len(normals) * energy.shares**2)
+        weighted = each * np.abs(horizontal)
+        values, least = minimise(
+            energy,
+            np.array(
+                [
+                    _solve(weighted @ energy.values_at + rough, weighted @ azimuth),
+                    _solve(each @ energy.values_at + rough, each @ polar),
+                ]
+            ),
+            FIRST_STEPS,
+        )
     else:
         energy = replace(energy, winding=start.winding)
         values = np.array([start.azimuth, start.polar])

@@ -65,27 +65,6 @@ class ConeNodes:
         object.__setattr__(self, "node_of", frozen(self.node_of, np.int64))
 
 
-def make_net(
-    centres: Float[ndarray, "n 3"], normals: Float[ndarray, "n 3"], middles: Float[ndarray, "n 2 3"], spacing: float
-) -> ConeNodes:
-    """Nodes about `spacing` (mm) apart; `middles` are those of the moves to and from each contact."""
-    cells = np.floor(centres / spacing).astype(np.int64)
-    facing = normals @ np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]).T
-    _, first = np.unique(np.column_stack([cells, facing.argmax(axis=1)]), axis=0, return_inverse=True)
-    means = np.column_stack([_means(first, x) for x in np.hstack([centres, normals]).T])
-    # a contact goes to the nearest node that faces its way: a groove's walls are near each other
-    apart = np.hstack([means[:, :3] / spacing, unit(means[:, 3:])])
-    _, node = KDTree(apart).query(np.hstack([centres / spacing, normals]))
-    _, node_of = np.unique(node, return_inverse=True)
-    points = np.column_stack([_means(node_of, x) for x in centres.T])
-    facing_of = unit(np.column_stack([_means(node_of, x) for x in normals.T]))
-    # half a move, being straight, is no further off than its ends
-    ends = np.concatenate([centres[:, None], middles], axis=1)
-    off = np.linalg.norm(ends - points[node_of][:, None], axis=2).max(axis=1)
-    turned = 2 * np.arcsin(np.clip(lengths(normals - facing_of[node_of]) / 2, 0, 1))
-    return ConeNodes(points, node_of, _largest(node_of, off), facing_of, _largest(node_of, turned))
-
-
 def _means(group: Int[ndarray, " n"], values: Float[ndarray, " n"]) -> Float[ndarray, " k"]:
     return np.bincount(group, values) / np.bincount(group)
 
@@ -365,7 +344,24 @@ def free_axes(path: ContactPath, scene: Scene, limits: MachineLimits, max_tilt: 
     left = np.arange(len(path.centres))
     spacing = SPACING
     while len(left):
-        net = make_net(path.centres[left], path.normals[left], middles[left], spacing)
+        # Nodes about `spacing` (mm) apart; `middles` are those of the moves to and from each contact.
+        centres = path.centres[left]
+        normals = path.normals[left]
+        cells = np.floor(centres / spacing).astype(np.int64)
+        facing = normals @ np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]).T
+        _, first = np.unique(np.column_stack([cells, facing.argmax(axis=1)]), axis=0, return_inverse=True)
+        means = np.column_stack([_means(first, x) for x in np.hstack([centres, normals]).T])
+        # a contact goes to the nearest node that faces its way: a groove's walls are near each other
+        apart = np.hstack([means[:, :3] / spacing, unit(means[:, 3:])])
+        _, node = KDTree(apart).query(np.hstack([centres / spacing, normals]))
+        _, node_of = np.unique(node, return_inverse=True)
+        points = np.column_stack([_means(node_of, x) for x in centres.T])
+        facing_of = unit(np.column_stack([_means(node_of, x) for x in normals.T]))
+        # half a move, being straight, is no further off than its ends
+        ends = np.concatenate([centres[:, None], middles[left]], axis=1)
+        off = np.linalg.norm(ends - points[node_of][:, None], axis=2).max(axis=1)
+        turned = 2 * np.arcsin(np.clip(lengths(normals - facing_of[node_of]) / 2, 0, 1))
+        net = ConeNodes(points, node_of, _largest(node_of, off), facing_of, _largest(node_of, turned))
         # where the cutter pivots, with the least room of the contacts there
         least = np.full(len(net.places), np.inf)
         np.minimum.at(least, net.node_of, room[left])

@@ -88,25 +88,21 @@ class Box(Stock):
         """A closed outward mesh of faces of nearly one size, as fine as the mesh of a cylinder as wide."""
         step = np.sqrt(4 * chord_tolerance * self.diameter)
         counts = np.maximum(2, np.ceil((self.high - self.low) / step)).astype(int)
-        corners, quads = _lattice(counts)
+        # Corners (n, 3) and outward quads (m, 4) on the surface of a lattice of counts cells.
+        lattice = []
+        for axis in range(3):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            i, j = (k.ravel() for k in np.meshgrid(np.arange(counts[u]), np.arange(counts[v]), indexing="ij"))
+            for end in (0, counts[axis]):
+                quad = np.zeros((len(i), 4, 3), dtype=int)
+                quad[:, :, axis] = end
+                quad[:, :, u] = np.column_stack([i, i + 1, i + 1, i])
+                quad[:, :, v] = np.column_stack([j, j, j + 1, j + 1])
+                lattice.append(quad if end else quad[:, ::-1])
+        corners, index = np.unique(np.vstack(lattice).reshape(-1, 3), axis=0, return_inverse=True)
+        quads = index.reshape(-1, 4)
         faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
         return TriangleMesh(self.low + corners / counts * (self.high - self.low), faces)
-
-
-def _lattice(counts: ndarray) -> tuple[ndarray, ndarray]:
-    """Corners (n, 3) and outward quads (m, 4) on the surface of a lattice of counts cells."""
-    quads = []
-    for axis in range(3):
-        u, v = (axis + 1) % 3, (axis + 2) % 3
-        i, j = (k.ravel() for k in np.meshgrid(np.arange(counts[u]), np.arange(counts[v]), indexing="ij"))
-        for end in (0, counts[axis]):
-            quad = np.zeros((len(i), 4, 3), dtype=int)
-            quad[:, :, axis] = end
-            quad[:, :, u] = np.column_stack([i, i + 1, i + 1, i])
-            quad[:, :, v] = np.column_stack([j, j, j + 1, j + 1])
-            quads.append(quad if end else quad[:, ::-1])
-    corners, index = np.unique(np.vstack(quads).reshape(-1, 3), axis=0, return_inverse=True)
-    return corners, index.reshape(-1, 4)
 
 
 def _make(job: StockJob, part: LyingPart, schedule: Schedule) -> Box:
@@ -121,20 +117,14 @@ def _turn(job: StockJob, points: Float[ndarray, "n 3"]) -> tuple[float, Float[nd
     """The turn of the smallest base, where neither width nor depth nor a turn is given."""
     if job.width or job.depth or job.turn_deg:
         return None
-    return smallest_base(points[:, :2], job.allowance)
-
-
-def smallest_base(points: Float[ndarray, "n 2"], allowance: float) -> tuple[float, Float[ndarray, "2"]]:
-    """The turn (degrees) after which the rectangle round the points, `allowance` mm larger to each side, has the
-    least area, and its middle then.
-
-    A side of it lies along one of the hull's edges (Freeman & Shapira 1975).
-    """
-    hull = points[ConvexHull(points).vertices]
+    # The turn (degrees) after which the rectangle round the points, `allowance` mm larger to each side, has the least
+    # area, and its middle then. A side of it lies along one of the hull's edges (Freeman & Shapira 1975).
+    flat = points[:, :2]
+    hull = flat[ConvexHull(flat).vertices]
     edges = np.roll(hull, -1, axis=0) - hull
     turns = np.mod(-np.degrees(np.arctan2(edges[:, 1], edges[:, 0])), 90.0)
     bases = [hull @ rotation(0.0, 0.0, float(turn))[:2, :2].T for turn in turns]
-    least = int(np.argmin([np.prod(np.ptp(base, axis=0) + 2 * allowance) for base in bases]))
+    least = int(np.argmin([np.prod(np.ptp(base, axis=0) + 2 * job.allowance) for base in bases]))
     return float(turns[least]), (bases[least].min(0) + bases[least].max(0)) / 2
 
 

@@ -54,7 +54,26 @@ class ConvexStock(Stock):
             )
         if not proven:
             object.__setattr__(self, "surface", keep_faces(self.surface))
-            _require_closed(self.surface)
+            mesh = self.surface
+            edges = half_edges(mesh).reshape(-1, 2)
+            forward = edges[:, 0].astype(np.int64) * len(mesh.vertices) + edges[:, 1]
+            backward = edges[:, 1].astype(np.int64) * len(mesh.vertices) + edges[:, 0]
+            lonely = np.flatnonzero(~np.isin(forward, backward))
+            if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
+                place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
+                raise StockError(
+                    f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place
+                )
+            if abs(mesh.volume) <= FLAT * mesh.diagonal * mesh.area:
+                raise StockError(
+                    "the stock's mesh is flat and holds nothing: give a solid body",
+                    distance=0.0,
+                    place=mesh.vertices[0],
+                )
+            if mesh.volume <= 0:
+                raise StockError(
+                    "the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0]
+                )
             _require_convex(self.surface)
 
     @property
@@ -127,22 +146,6 @@ class ConvexStock(Stock):
     def mesh(self, chord_tolerance: float) -> TriangleMesh:
         """The body's mesh, its edges split until they are as short as those of a cylinder as wide."""
         return split_edges(self.surface, float(np.sqrt(8 * chord_tolerance * self.diameter)))
-
-
-def _require_closed(mesh: TriangleMesh) -> None:
-    edges = half_edges(mesh).reshape(-1, 2)
-    forward = edges[:, 0].astype(np.int64) * len(mesh.vertices) + edges[:, 1]
-    backward = edges[:, 1].astype(np.int64) * len(mesh.vertices) + edges[:, 0]
-    lonely = np.flatnonzero(~np.isin(forward, backward))
-    if not len(edges) or len(lonely) or len(np.unique(forward)) < len(forward):
-        place = mesh.vertices[edges[lonely[0] if len(lonely) else 0]].mean(0) if len(edges) else np.zeros(3)
-        raise StockError(f"the stock's mesh is not closed at {place_name(place)}: close it", distance=0.0, place=place)
-    if abs(mesh.volume) <= FLAT * mesh.diagonal * mesh.area:
-        raise StockError(
-            "the stock's mesh is flat and holds nothing: give a solid body", distance=0.0, place=mesh.vertices[0]
-        )
-    if mesh.volume <= 0:
-        raise StockError("the stock's mesh is turned inside out: flip its faces", distance=0.0, place=mesh.vertices[0])
 
 
 def _require_convex(mesh: TriangleMesh) -> None:

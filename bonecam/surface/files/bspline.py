@@ -314,7 +314,12 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
         surface = TSpline(
             OpenRowTMesh.from_rows(t_knots, rows), spline.poles.swapaxes(0, 1).reshape(-1, 3), spline.weights.T.ravel()
         )
-        return _close_seam(spline, surface)
+        # The surface, periodic where its first and last columns meet C2.
+        if not (_near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())):
+            return surface
+        closed = join_elements(surface.elements(), surface.patches, (True, False))
+        simple = closed.s_knots.multiplicities.max() == 1 and closed.s_knots.poles >= FEWEST
+        return from_bspline(closed) if simple else surface
     if spline.s_knots.multiplicities.max() > 1 or spline.s_knots.poles < FEWEST:
         raise SurfaceError(
             "the surface is closed along s with repeated knots, or fewer than four: open it or smooth its knots first"
@@ -333,15 +338,6 @@ def from_bspline(spline: BSplineSurface) -> TSpline:
         np.vstack([points[here, j] for j, here in enumerate(kept)]),
         np.concatenate([weights[here, j] for j, here in enumerate(kept)]),
     )
-
-
-def _close_seam(spline: BSplineSurface, surface: TSpline) -> TSpline:
-    """The surface, periodic where its first and last columns meet C2."""
-    if not (_near(spline.poles[[0, -1]], spline.size) and _near(spline.weights[[0, -1]], spline.weights.max())):
-        return surface
-    closed = join_elements(surface.elements(), surface.patches, (True, False))
-    simple = closed.s_knots.multiplicities.max() == 1 and closed.s_knots.poles >= FEWEST
-    return from_bspline(closed) if simple else surface
 
 
 def _near(values: ndarray, size: float) -> bool:

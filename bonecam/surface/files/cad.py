@@ -44,13 +44,22 @@ JOINED = 1e-9
 def shape_of(surface: TSpline) -> Any:
     """The surface as a valid OpenCASCADE solid, or as a shell where it encloses no volume. Raises
     SurfaceError where it is not valid."""
+    lib = occ()
     try:
         spline = to_bspline(surface)
     except SurfaceError:
-        shape = _bezier_shell(surface)
+        # The Bezier elements as faces, sewn; a solid where no edge is free
+        faces = []
+        size = float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
+        for patch in surface.patches.reshape(-1, 4, 4, 4).swapaxes(1, 2):
+            grid = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
+            faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), grid)))
+        shape = sew(_compose("Compound", faces), max(EDGE, JOINED * size))
+        is_shell = shape.ShapeType() == lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL
+        if is_shell and lib.BRep.BRep_Tool.IsClosed_s(shape):
+            shape = _solid_in(lib.TopoDS.TopoDS.Shell(shape))
     else:
         # OpenCASCADE's B-spline surface with u = s and v = t
-        lib = occ()
         knots = (spline.s_knots, spline.t_knots)
         values = [_list(lib.collections.Array1_double, k.values) for k in knots]
         counts = [_list(lib.collections.Array1_int, k.multiplicities) for k in knots]
@@ -61,7 +70,7 @@ def shape_of(surface: TSpline) -> Any:
             [_face_of(lib.Geom.Geom_BSplineSurface(_points(spline.poles), *weights, *values, *counts, 3, 3, *closed))],
         )
         shape = _solid_in(shell) if spline.watertight else shell
-    if not occ().BRepCheck.BRepCheck_Analyzer(shape).IsValid():
+    if not lib.BRepCheck.BRepCheck_Analyzer(shape).IsValid():
         raise SurfaceError(
             "OpenCASCADE finds the shape of the surface invalid: look for folds with its self-intersections"
         )
@@ -107,20 +116,6 @@ def _solid_in(shell: Any) -> Any:
     """The solid inside a closed shell."""
     shell.Closed(True)
     return _compose("Solid", [shell])
-
-
-def _bezier_shell(surface: TSpline) -> Any:
-    """The Bezier elements as faces, sewn; a solid where no edge is free."""
-    lib = occ()
-    faces = []
-    size = float(np.linalg.norm(np.ptp(surface.control_points, axis=0)))
-    for patch in surface.patches.reshape(-1, 4, 4, 4).swapaxes(1, 2):
-        weights = _grid(lib.collections.Array2_double, patch[..., 3].tolist())
-        faces.append(_face_of(lib.Geom.Geom_BezierSurface(_points(patch[..., :3] / patch[..., 3:]), weights)))
-    shape = sew(_compose("Compound", faces), max(EDGE, JOINED * size))
-    if shape.ShapeType() != lib.TopAbs.TopAbs_ShapeEnum.TopAbs_SHELL or not lib.BRep.BRep_Tool.IsClosed_s(shape):
-        return shape
-    return _solid_in(lib.TopoDS.TopoDS.Shell(shape))
 
 
 def read_bsplines(path: str | Path) -> tuple[BSplineSurface, ...]:

@@ -176,9 +176,27 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
     enclose a part.
     """
     if holds_tspline(path):
-        surface, points = _saved(path, scale, max_control_points)
+        # The T-spline of a file, and no points.
+        if scale != 1:
+            raise UnitsError(
+                f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
+            )
+        surface = load_surface(path)
+        count = surface.tmesh.size
+        if count > max_control_points:
+            what = f"has {count} control points, {max_control_points} are allowed"
+            raise SurfaceError(f"{path}: {what}: raise surface.max_control_points", file=str(path))
+        check_surface_size(surface, path)
+        points = np.empty((0, 3))
     else:
-        surface, points = _skinned(path, scale, tolerance, max_control_points)
+        # The surface through the rows of a file, and their points, mm
+        rows = read_rows(path).scaled(scale)
+        points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
+        _check_size(points, path)
+        try:
+            surface = rows.skin(tolerance, max_control_points)
+        except (ValueError, SurfaceError) as error:
+            raise SurfaceError(f"{path}: {error}", file=str(path)) from error
     if not (isinstance(surface.tmesh, RowTMesh) and all(surface.tmesh.poles)):
         remedy = (
             "give a pole (one point) as the first and the last block"
@@ -188,36 +206,14 @@ def read_surface(path: str | Path, scale: float, tolerance: float, max_control_p
         alone = "`bonecam finish` machines a surface alone"
         raise SurfaceError(f"{path}: encloses no part: {remedy}; {alone}", file=str(path))
     check_outward(surface, str(path))
-    deviation = _deviation(surface, points)
+    # The largest and the RMS distance of the points from the surface, mm, and the place of the largest
+    deviation = Deviation(0.0, 0.0, 0.0, 0.0, surface.control_points[0])
+    if len(points):
+        distances = surface.project(points).distances
+        worst = float(distances.max())
+        rms = float(np.sqrt(np.mean(distances**2)))
+        deviation = Deviation(worst, rms, 0.0, worst, points[np.argmax(distances)])
     return Fit(surface, deviation, tolerance, deviation.max <= tolerance)
-
-
-def _saved(path: str | Path, scale: float, max_control_points: int) -> tuple[TSpline, Float[ndarray, "0 3"]]:
-    """The T-spline of a file, and no points."""
-    if scale != 1:
-        raise UnitsError(
-            f"{path}: states its unit itself and was read in mm: leave out --units (mesh.units)", file=str(path)
-        )
-    surface = load_surface(path)
-    count = surface.tmesh.size
-    if count > max_control_points:
-        what = f"has {count} control points, {max_control_points} are allowed"
-        raise SurfaceError(f"{path}: {what}: raise surface.max_control_points", file=str(path))
-    check_surface_size(surface, path)
-    return surface, np.empty((0, 3))
-
-
-def _skinned(
-    path: str | Path, scale: float, tolerance: float, max_control_points: int
-) -> tuple[TSpline, Float[ndarray, "n 3"]]:
-    """The surface through the rows of a file, and their points, mm."""
-    rows = read_rows(path).scaled(scale)
-    points = np.vstack([*rows.rows, *([] if rows.poles is None else [rows.poles])])
-    _check_size(points, path)
-    try:
-        return rows.skin(tolerance, max_control_points), points
-    except (ValueError, SurfaceError) as error:
-        raise SurfaceError(f"{path}: {error}", file=str(path)) from error
 
 
 def check_surface_size(surface: TSpline, name: str | Path) -> None:
@@ -234,15 +230,6 @@ def _check_size(points: Float[ndarray, "n 3"], path: str | Path) -> None:
     if not size <= SPARE * LARGEST:
         what = f"{size:.3g} mm from corner to corner: parts have {LARGEST:g} mm at most"
         raise UnitsError(f"{path}: {what}: scale it first", size_mm=size)
-
-
-def _deviation(surface: TSpline, points: Float[ndarray, "n 3"]) -> Deviation:
-    """The largest and the RMS distance of the points from the surface, mm, and the place of the largest."""
-    if not len(points):
-        return Deviation(0.0, 0.0, 0.0, 0.0, surface.control_points[0])
-    distances = surface.project(points).distances
-    worst = float(distances.max())
-    return Deviation(worst, float(np.sqrt(np.mean(distances**2))), 0.0, worst, points[np.argmax(distances)])
 
 
 def check_outward(surface: TSpline, file: str) -> None:

@@ -56,37 +56,6 @@ def rows_text(surface: TSpline) -> str:
     return "\n".join([*lines, "end", ""])
 
 
-def parse_rows(data: bytes) -> TSpline:
-    """The surface in bytes of the text form above. ContentError with the line where they depart from it."""
-    lines = numbered_words(data)
-    end = (data.count(b"\n"), [""])
-    for words in (["degree", "3"], ["units", "mm"]):
-        line, given = next(lines, end)
-        if given != words:
-            raise ContentError(f"expected {' '.join(words)!r}", line=line)
-    line, (word, *knots) = next(lines, end)
-    if word != "t-knots":
-        raise ContentError("expected 't-knots'", line=line)
-    t_knots = finite_numbers(knots, line)
-    rows: list[np.ndarray] = []
-    line, words = next(lines, end)
-    while words != ["end"]:
-        count = max(whole_numbers(words[2:], line), default=0)
-        if len(words) != 3 or words[:2] != ["row", str(len(rows))] or count < 1:
-            raise ContentError(f"expected 'row {len(rows)} COUNT' or 'end'", line=line)
-        rows.append(np.array([finite_numbers(row, n, 5) for n, row in islice(lines, count)]))
-        line, words = next(lines, end)
-    after = next(lines, None)
-    if after:
-        raise ContentError("goes on after 'end'", CUT_SHORT, after[0])
-    try:
-        mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
-        points = np.vstack(rows)
-        return TSpline(mesh, points[:, 1:4], points[:, 4])
-    except ValueError as error:
-        raise ContentError(str(error), line=line) from error
-
-
 def _reader_of(path: str | Path) -> Reader | None:
     """What users or packages read a file with that is not in bonecam's own form."""
     return None if Path(path).suffix.lower() == TSPLINE else reader_of(path)
@@ -111,7 +80,34 @@ def load_surface(path: str | Path) -> TSpline:
         what = f"the first line must be '{HEADER}', not '{first[:40]}'"
         raise FileError(f"{path}: {what}", file=str(path), line=1)
     try:
-        return parse_rows(data)
+        # The surface in bytes of the text form above. ContentError with the line where they depart from it.
+        lines = numbered_words(data)
+        end = (data.count(b"\n"), [""])
+        for words in (["degree", "3"], ["units", "mm"]):
+            line, given = next(lines, end)
+            if given != words:
+                raise ContentError(f"expected {' '.join(words)!r}", line=line)
+        line, (word, *knots) = next(lines, end)
+        if word != "t-knots":
+            raise ContentError("expected 't-knots'", line=line)
+        t_knots = finite_numbers(knots, line)
+        rows: list[np.ndarray] = []
+        line, words = next(lines, end)
+        while words != ["end"]:
+            count = max(whole_numbers(words[2:], line), default=0)
+            if len(words) != 3 or words[:2] != ["row", str(len(rows))] or count < 1:
+                raise ContentError(f"expected 'row {len(rows)} COUNT' or 'end'", line=line)
+            rows.append(np.array([finite_numbers(row, n, 5) for n, row in islice(lines, count)]))
+            line, words = next(lines, end)
+        after = next(lines, None)
+        if after:
+            raise ContentError("goes on after 'end'", CUT_SHORT, after[0])
+        try:
+            mesh = RowTMesh.from_rows(t_knots, [row[:, 0] for row in rows])
+            points = np.vstack(rows)
+            return TSpline(mesh, points[:, 1:4], points[:, 4])
+        except ValueError as error:
+            raise ContentError(str(error), line=line) from error
     except ContentError as error:
         raise FileError(f"{path}: {error}", file=str(path), **error.evidence) from error
 
