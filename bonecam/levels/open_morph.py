@@ -445,45 +445,12 @@ def morph_open(
 
     def next_level(level: MachinedLevel, k: int, _: _Rest) -> MachinedLevel:
         limit = schedule.limit(k)
-        P = level.surface.control_points
-        # The moves of the control points P to the next level, each on its straight way to its target, `limit` mm at
-        # most; fixed ones at the edge stay. They solve the level's program, in the distances x that they go.
-        way = target.surface.control_points - P
-        length = np.linalg.norm(way, axis=1)
-        direction = way / np.where(length > 0, length, 1.0)[:, None]
-        most = np.where(matrices.edge & fixed, 0.0, np.minimum(length, limit))
-
-        energy = sp.csc_array(stiffness * matrices.M + matrices.N)
-        along = [sp.diags_array(direction[:, j]) for j in range(3)]
-        x, y, z = (sp.csc_array(D @ energy @ D) for D in along)
-        gradient = -((energy @ way) * direction).sum(1)
-        limits = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
-        distance = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, limits, SOLVER_TOLERANCE), 0.0, most)
-        moves = distance[:, None] * direction
-
-        if np.linalg.norm(moves, axis=1).max() < LEAST_MOVE * limit:
-            raise LevelError(f"no control point gets nearer to the stock: {SOFTER}")
-        surface = level.surface.with_control_points(P + moves)
+        surface = _next_surface(level.surface, target, matrices, limit, stiffness, held=matrices.edge & fixed)
         measures, mesh = _measured(k, level.surface, surface, target, grid, limit=limit)
         return MorphLevel(k, surface, mesh, limit, measures)
 
     def rest_above(level: MachinedLevel, k: int, _: _Rest | None = None) -> _Rest:
-        # What is left between a level and the stock, from either to the other: as soon as more than `limit` mm are
-        # found no more is sought.
-        limit = schedule.limit(k + 1)
-        its = np.vstack([target.points, grid.points(target.surface.control_points)])
-        at = np.vstack([target.parameters, grid.sample_parameters])
-        own = grid.points(level.surface.control_points)
-        rest = _Rest(0.0, own[0])
-        for surface, points, parameters in ((target.surface, own, grid.sample_parameters), (level.surface, its, at)):
-            for some in (slice(None, None, STRIDE), slice(None)):
-                distances = distances_to(surface, points[some], parameters[some]) - ROUNDING
-                worst = int(np.argmax(distances))
-                if distances[worst] > rest.left:
-                    rest = _Rest(float(distances[worst]), points[some][worst])
-                if rest.left > limit:
-                    return rest
-        return rest
+        return _rest(level.surface, target, grid, schedule.limit(k + 1))
 
     first: MachinedLevel = measure_part(MeasuredSurface(surface, grid))
     levels = levels_to_stock(
@@ -511,6 +478,50 @@ class _Rest:
 
     left: float
     place: Float[ndarray, "3"]
+
+
+def _rest(level: TSpline, target: OpenStock, grid: LevelGrid, limit: float) -> _Rest:
+    """What is left between a level and the stock, from either to the other: as soon as more than `limit` mm are
+    found no more is sought."""
+    its = np.vstack([target.points, grid.points(target.surface.control_points)])
+    at = np.vstack([target.parameters, grid.sample_parameters])
+    own = grid.points(level.control_points)
+    rest = _Rest(0.0, own[0])
+    for surface, points, parameters in ((target.surface, own, grid.sample_parameters), (level, its, at)):
+        for some in (slice(None, None, STRIDE), slice(None)):
+            distances = distances_to(surface, points[some], parameters[some]) - ROUNDING
+            worst = int(np.argmax(distances))
+            if distances[worst] > rest.left:
+                rest = _Rest(float(distances[worst]), points[some][worst])
+            if rest.left > limit:
+                return rest
+    return rest
+
+
+def _next_surface(
+    level: TSpline, target: OpenStock, matrices: ElementMatrices, limit: float, stiffness: float, held: ndarray
+) -> TSpline:
+    """The surface of the level above one; LevelError where it hardly moves."""
+    P = level.control_points
+
+    # The moves of the control points P to the next level, each on its straight way to its target in Q, `depth` mm at
+    # most; those `held` stay. They solve the level's program, in the distances x that they go.
+    way = target.surface.control_points - P
+    length = np.linalg.norm(way, axis=1)
+    direction = way / np.where(length > 0, length, 1.0)[:, None]
+    most = np.where(held, 0.0, np.minimum(length, limit))
+
+    energy = sp.csc_array(stiffness * matrices.M + matrices.N)
+    along = [sp.diags_array(direction[:, j]) for j in range(3)]
+    x, y, z = (sp.csc_array(D @ energy @ D) for D in along)
+    gradient = -((energy @ way) * direction).sum(1)
+    limits = LinearLimits(sp.eye_array(len(P), format="csr"), np.zeros(len(P)), most)
+    distance = np.clip(solve_qp(sp.csc_array(x + y + z), gradient, limits, SOLVER_TOLERANCE), 0.0, most)
+    moves = distance[:, None] * direction
+
+    if np.linalg.norm(moves, axis=1).max() < LEAST_MOVE * limit:
+        raise LevelError(f"no control point gets nearer to the stock: {SOFTER}")
+    return level.with_control_points(P + moves)
 
 
 def _measured(

@@ -596,6 +596,26 @@ def _bounds(
     )
 
 
+def first_values(energy: AxisEnergy, normals: Float[ndarray, "n 3"]) -> Float[ndarray, "2 c"]:
+    """Control values fitted to normals at the samples, turned towards +Z by FIRST_LEAN; a sample counts by its area."""
+    horizontal = normals[:, 0] + 1j * normals[:, 1]
+    wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
+    relative = horizontal * np.exp(-1j * wound)
+    middle = relative.sum()
+    azimuth = np.angle(middle) + np.angle(relative * np.conj(middle))
+    polar = np.clip(polar_angles(normals) - FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST)
+    differences = second_differences(energy.domain)
+    rough = FIT_ROUGHNESS * len(normals) / differences.shape[0] * (differences.T @ differences)
+    each = energy.values_at.T * (len(normals) * energy.shares**2)
+    weighted = each * np.abs(horizontal)
+    return np.array(
+        [
+            _solve(weighted @ energy.values_at + rough, weighted @ azimuth),
+            _solve(each @ energy.values_at + rough, each @ polar),
+        ]
+    )
+
+
 def _solve(matrix: Any, right: Float[ndarray, " c"]) -> Float[ndarray, " c"]:
     dense = matrix.toarray()
     return solve(dense + 1e-9 * np.trace(dense) * np.eye(len(dense)), right, assume_a="pos")
@@ -710,29 +730,7 @@ def smooth_axes(
     energy = axis_energy(cones, rows, domain=domain, limits=limits, job=job, facets=facets)
     energy = replace(energy, times=energy.times / haste)
     if start is None:
-        # Control values fitted to normals at the samples, turned towards +Z by FIRST_LEAN; a sample counts by its
-        # area.
-        normals = cones.path.normals[rows]
-        horizontal = normals[:, 0] + 1j * normals[:, 1]
-        wound = 2 * np.pi * energy.winding * energy.domain.round(energy.parameters[:, 0])
-        relative = horizontal * np.exp(-1j * wound)
-        middle = relative.sum()
-        azimuth = np.angle(middle) + np.angle(relative * np.conj(middle))
-        polar = np.clip(polar_angles(normals) - FIRST_LEAN, FIRST_LOWEST, FIRST_HIGHEST)
-        differences = second_differences(energy.domain)
-        rough = FIT_ROUGHNESS * len(normals) / differences.shape[0] * (differences.T @ differences)
-        each = energy.values_at.T * (len(normals) * energy.shares**2)
-        weighted = each * np.abs(horizontal)
-        values, least = minimise(
-            energy,
-            np.array(
-                [
-                    _solve(weighted @ energy.values_at + rough, weighted @ azimuth),
-                    _solve(each @ energy.values_at + rough, each @ polar),
-                ]
-            ),
-            FIRST_STEPS,
-        )
+        values, least = minimise(energy, first_values(energy, cones.path.normals[rows]), FIRST_STEPS)
     else:
         energy = replace(energy, winding=start.winding)
         values = np.array([start.azimuth, start.polar])
