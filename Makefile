@@ -17,10 +17,11 @@ demo: $(VENV)/installed
 	mkdir -p out
 	$(BIN)/bonecam demo -o out/phalanx.h --keep out/keep --report out/phalanx.json
 
-# The core's tests run without plugins.
+# The core's tests run without plugins, those marked `plugged` with them.
+DEFAULT := not whole and not slow and not fuzz
 test: $(VENV)/developing cnc browser
-	BONECAM_NO_PLUGINS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/plugins
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile tests/plugins
+	BONECAM_NO_PLUGINS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/plugins -m 'not plugged and $(DEFAULT)'
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m 'plugged and $(DEFAULT)'
 
 # The tests that run the whole chain, in variants.
 whole: $(VENV)/developing cnc browser

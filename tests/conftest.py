@@ -22,3 +22,10 @@ def shared():
     if not (SHARED / "meshes").is_dir():
         pytest.skip("the measuring data beside the checkout (../shared) is absent")
     return SHARED
+
+
+def pytest_collection_modifyitems(items):
+    """What lies in tests/plugins, and in tests/fuzz, which damages files of every kind, needs plugins."""
+    for item in items:
+        if {"plugins", "fuzz"} & set(Path(item.path).relative_to(Path(__file__).parent).parts[:1]):
+            item.add_marker("plugged")

@@ -67,8 +67,8 @@ def test_options_override_the_job_file(tmp_path, capsys):
         (["levels", "text.stl", "-o", ""], "empty name"),
         (["levels", "text.stl", "-o", "text.stl"], "name a folder"),
         (["levels", "text.stl", "-o", "out", "--report", "nowhere/out.json"], "nowhere"),
-        (["script", "none.mlx", "-i", "text.stl", "-o", "out"], "none.mlx"),
-        (["filters", "no_such_filter"], "no_such_filter"),
+        pytest.param(["script", "none.mlx", "-i", "text.stl", "-o", "out"], "none.mlx", marks=pytest.mark.plugged),
+        pytest.param(["filters", "no_such_filter"], "no_such_filter", marks=pytest.mark.plugged),
         (["batch", "text.stl", "text.stl", "-o", "out"], "text"),
     ],
 )
@@ -132,8 +132,12 @@ def test_all_wrong_settings_are_told_at_once(capsys):
         (["job", "--\x1b]0;x\x07"], "unrecognized arguments: --\\x1b]0;x\\x07"),
         (["conver"], "'conver' is unknown (did you mean 'convert'?)"),
         (["job", "--unit", "mm", "--machin3", "x"], "--machin3 x (did you mean '--machine'?)"),
-        (["filters", "generate_morph_level"], "(did you mean 'generate_morph_levels'?)"),
-        (["filters", "Generate Levels"], "(did you mean 'generate_morph_levels'?)"),
+        pytest.param(
+            ["filters", "generate_morph_level"], "(did you mean 'generate_morph_levels'?)", marks=pytest.mark.plugged
+        ),
+        pytest.param(
+            ["filters", "Generate Levels"], "(did you mean 'generate_morph_levels'?)", marks=pytest.mark.plugged
+        ),
         (["help", "conver"], "'conver' is unknown (did you mean 'convert'?)"),
     ],
 )
@@ -148,6 +152,7 @@ def test_a_misspelt_word_is_told_with_the_nearest(call, told, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.plugged
 def test_a_script_may_make_its_mesh_and_stdout_holds_file_names_only(tmp_path, capfd):
     (tmp_path / "cube.mlx").write_text(
         '<FilterScript><filter name="create_cube"/><filter name="get_geometric_measures"/></FilterScript>'

@@ -121,7 +121,7 @@ def test_a_surface_that_misses_the_mesh_is_refused_before_the_levels(tmp_path, m
 def test_the_report_has_the_names_that_stay(chain):
     report = json.loads((chain[1] / "report.json").read_text(encoding="utf-8"))
     assert differences(report, Report) == []
-    absent = {"parting", "feed", "second", "axes", "refused", "cutters"}
+    absent = {"parting", "feed", "second", "axes", "refused", "cutters", "added"}
     assert set(report) == set(Report.__annotations__) - absent
     machined = [level for level, _ in groupby(row["level"] for row in report["toolpath"])]
     assert machined == list(range(len(report["levels"]) - 2, -1, -1))

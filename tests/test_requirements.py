@@ -125,6 +125,7 @@ def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes, named, t
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.plugged
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize(("field", "value"), [("method", "qcqp"), ("method", "published"), ("solver", "clarabel")])
 def test_a_solver_that_is_not_installed_is_named_before_the_surface_is_fitted(field, value, monkeypatch):
@@ -205,6 +206,7 @@ def test_a_batch_refuses_an_absurd_job_before_its_first_mesh(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.plugged
 def test_the_filters_refuse_a_post_beside_the_part():
     mesh = read_mesh(shipped("phalanx"))
     meshes = bonecam.MeshSet()

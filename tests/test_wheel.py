@@ -63,6 +63,7 @@ def test_every_file_of_the_packages_is_in_it(wheel):
         assert missing == []
 
 
+@pytest.mark.plugged
 def test_its_data_is_found_outside_the_checkout(outside):
     code = "import bonecam, bonecam_meshes; print(bonecam.__file__, bonecam_meshes.path('phalanx'))"
     places = subprocess.run([outside, "-c", code], capture_output=True, text=True, check=True, cwd="/").stdout

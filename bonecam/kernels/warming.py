@@ -98,7 +98,7 @@ def compile_share(share: int, shares: int, progress: Progress) -> None:
 def warming(progress: Progress) -> Iterator[None]:
     """A block during which the kernels of a default run are compiled, and which ends when they are; nothing is done
     where that was done before, or on one core. What a process fails to compile is compiled where it is called."""
-    mark = kept_in() / f"warm-{COMPILED_FOR}-{numba.__version__}-{SOURCES[:16]}"
+    mark = kept_in() / f"first_run-{COMPILED_FOR}-{numba.__version__}-{SOURCES[:16]}.nbi"  # goes with what numba keeps
     if mark.is_file() or cores() < 2:
         yield
         return

@@ -88,6 +88,7 @@ for call in (
 """
 
 
+@pytest.mark.plugged
 def test_arguments_of_another_kind_are_refused_with_what_to_give(tmp_path):
     """In a process of its own, without these tests' own check of types."""
     save_surface(waisted(), tmp_path / "part.tspline")

@@ -105,7 +105,12 @@ def test_turntables_with_limits_reach_all_round(turns):
     ("limits", "job", "told"),
     [
         ({"B": (-10, 10)}, {}, "leans by 9 deg all round at most, the sides of the stock need 15: .*path.max_tilt"),
-        ({"B": (-80, 80)}, {"path": {"strategy": "rotary"}}, "the sides of the stock need 90: take another machine"),
+        pytest.param(
+            {"B": (-80, 80)},
+            {"path": {"strategy": "rotary"}},
+            "the sides of the stock need 90: take another machine",
+            marks=pytest.mark.plugged,
+        ),
         ({"B": (-0.5, 0.5)}, {}, "leans to some sides only: give wider limits"),
         ({"C": (-80, 80), "B": (-115, 0)}, {}, "C -80 to 80 deg the tool axis leans to some sides only"),
     ],
@@ -220,6 +225,7 @@ def test_a_batch_refuses_a_name_before_any_part(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.plugged
 def test_posted_paths_are_refused_a_name_before_they_are_read(tmp_path):
     job = Job().with_values(nc={"controller": "siemens-840d"})
     for name in ("paths.apt", "part.stl"):

@@ -132,10 +132,10 @@ def test_a_neck_near_its_strength_keeps_all_cuts_shallow(setup):
         ({"levels": {"finishing_levels": 2}}, False),
         ({"levels": {"depths": "0.1 0.3"}}, False),
         ({"levels": {"schedule": "fewest"}}, False),
-        ({"levels": {"method": "published"}}, False),
+        pytest.param({"levels": {"method": "published"}}, False, marks=pytest.mark.plugged),
         ({"path": {"pattern": "published"}}, False),
-        ({"path": {"strategy": "rotary"}}, False),
-        ({"levels": {"depths": "found"}, "path": {"strategy": "rotary"}}, True),
+        pytest.param({"path": {"strategy": "rotary"}}, False, marks=pytest.mark.plugged),
+        pytest.param({"levels": {"depths": "found"}, "path": {"strategy": "rotary"}}, True, marks=pytest.mark.plugged),
     ],
 )
 def test_depths_are_found_where_none_is_stated(changes, found, tmp_path):

@@ -75,6 +75,7 @@ def advice(standing):
     return what_would_help(*standing, LIMITS)
 
 
+@pytest.mark.plugged
 def test_a_level_tool_needs_room_for_its_widest_part_over_the_table(standing):
     setup, job = standing
     rotary = replace(job, path=replace(job.path, strategy="rotary"))

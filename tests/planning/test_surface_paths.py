@@ -13,10 +13,11 @@ import bonecam
 from bonecam.machine import read_machine
 from bonecam.nc import machine_limits
 from bonecam.planning.axes.field import machine_minutes
-from bonecam.planning.surface_paths import Workpiece, finishing_cutter, indexed, surface_contacts, wanted_axes
+from bonecam.planning.surface_paths import Workpiece, finishing_cutter, surface_contacts, wanted_axes
 from bonecam.surface import blade_solid, skin
 from bonecam.tool import Cutter, FreeCones, MoveKind, ToolPath
 from bonecam.tool.elliptic_cones import EllipticCones
+from bonecam.wheels.channels import indexed
 from bonecam.workholding import clamping_of
 
 JOB = bonecam.Job().with_values(

@@ -228,6 +228,7 @@ def test_the_mesh_for_fcl_lies_inside_the_profile_by_the_slack(shape, slack):
     assert (lengths(mesh.face_vectors) > 0).all()
 
 
+@pytest.mark.plugged
 @pytest.mark.parametrize("shape", CORNERS)
 def test_a_bull_nose_or_flat_end_only_roughs_the_levels_of_a_morph(shape):
     machine = read_machine("mikron-ucp600")

@@ -156,6 +156,7 @@ def job_of(file: Path, text: str) -> Job:
     return Job(mesh={"script": str(file)})
 
 
+@pytest.mark.plugged
 def test_the_part_is_what_the_script_leaves_of_the_mesh(ball, tmp_path):
     plain, _ = read_part(ball, Job())
     part, given = read_part(ball, job_of(tmp_path / "s.mlx", SMOOTH))
@@ -165,17 +166,20 @@ def test_the_part_is_what_the_script_leaves_of_the_mesh(ball, tmp_path):
     assert any("s.mlx" in note for note in part.notes)
 
 
+@pytest.mark.plugged
 def test_a_mesh_in_memory_goes_through_the_script_too(ball, tmp_path):
     mesh = read_part(ball, Job())[0].given
     part, _ = read_part(mesh, job_of(tmp_path / "s.mlx", SMOOTH))
     assert part.given.volume == pytest.approx(8 * mesh.volume, rel=1e-5)
 
 
+@pytest.mark.plugged
 def test_a_script_that_leaves_two_meshes_is_refused(ball, tmp_path):
     with pytest.raises(FilterError, match=r"s.mlx: leaves 2 layers with faces: let it end"):
         read_part(ball, job_of(tmp_path / "s.mlx", COPY))
 
 
+@pytest.mark.plugged
 def test_a_script_that_is_not_there_or_does_not_fit_is_named(ball, tmp_path):
     with pytest.raises(FileError, match=r"no.mlx"):
         read_part(ball, Job(mesh={"script": str(tmp_path / "no.mlx")}))
