@@ -120,7 +120,10 @@ def made_by(reader: Reader, file: Path, kind: type[T]) -> T:
     if reader.holds != wanted:
         raise file_error(file, f"is read as a {reader.holds}", f"give a {wanted}")
     with run_added("readers", ending_of(file).removeprefix(".")):
-        made = reader.read(file)
+        try:
+            made = reader.read(file)
+        except ValueError as error:  # its JobError names the plugin alone
+            raise ValueError(f"{file}: {error}") from error
         if not isinstance(made, kind):
             raise TypeError(f"it makes a {type(made).__name__} of {file}, no {kind.__name__}")
         return made
