@@ -1,11 +1,12 @@
 """The kernels of a default run, compiled on all cores before they are needed.
 
-`first_run.txt` lists them, the one that takes longest first, each with the types that it is called with. Numba compiles
-a kernel where it is first called, one after the other on one core; here each core has its share, in a process of its
-own, and all of it is kept (`bonecam.kernels`). `tests/kernels/test_warming.py` holds the list against what a run calls.
+`first_run.txt` lists them, each with the seconds that it took to compile and the types that it is called with. Numba
+compiles a kernel where it is first called, one after the other on one core; here each core has some of the modules, in
+a process of its own, and all of it is kept (`bonecam.kernels`). Kernels of a module share others, which are compiled
+once. `tests/kernels/test_warming.py` holds the list against what a run calls.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -37,23 +38,20 @@ def kept_in() -> Path:
     return Path(_shows_where._cache._cache_path)  # type: ignore[attr-defined]
 
 
-def first_run() -> list[tuple[str, str]]:
-    """The kernels of a default run by module and name, and the types of their arguments, the costliest first."""
-    lines = LIST.read_text(encoding="utf-8").splitlines()
-    return [(name, kinds) for name, _, kinds in (line.partition(" ") for line in lines)]
+def first_run() -> list[tuple[float, str, str]]:
+    """The kernels of a default run: seconds that each takes to compile, its module and name, its arguments' types."""
+    rows = (line.split(" ", 2) for line in LIST.read_text(encoding="utf-8").splitlines())
+    return [(float(seconds), name, kinds) for seconds, name, kinds in rows]
 
 
-def called() -> dict[tuple[str, str], float]:
-    """The kernels that this process has called so far, as in `first_run`, and the seconds that each took to compile (0:
-    it was kept), without those that only kernels call."""
-    found = {}
+def called() -> set[tuple[str, str]]:
+    """The kernels that this process has called so far, as in `first_run`, without those that only kernels call."""
+    found = set()
     for module in sorted(path.stem for path in LIST.parent.glob("[a-z]*.py")):
         for name, kernel in vars(import_module(f"bonecam.kernels.{module}")).items():
             own = isinstance(kernel, CPUDispatcher) and kernel.py_func.__module__ == f"bonecam.kernels.{module}"
             if own and not kernel.targetoptions.get("no_cpython_wrapper"):
-                for kinds, made in kernel.overloads.items():
-                    seconds = (made.metadata or {}).get("timers", {}).get("compiler_lock", 0.0)
-                    found[f"{module}.{name}", ", ".join(map(_text_of, kinds))] = seconds
+                found |= {(f"{module}.{name}", ", ".join(map(_text_of, kinds))) for kinds in kernel.overloads}
     return found
 
 
@@ -86,9 +84,20 @@ NAMES = {
 named ones of a module."""
 
 
-def compile_share(share: int, shares: int, progress: Progress) -> None:
-    """Compile and keep every `shares`-th kernel of the list from number `share` on."""
-    for name, kinds in first_run()[share::shares]:
+def shares_of(count: int) -> list[list[tuple[str, str]]]:
+    """The list, shared out by modules: the one that takes longest goes to whoever has least so far."""
+    modules: dict[str, list[tuple[float, str, str]]] = {}
+    for row in first_run():
+        modules.setdefault(row[1].partition(".")[0], []).append(row)
+    shares: list[list[tuple[float, str, str]]] = [[] for _ in range(count)]
+    for rows in sorted(modules.values(), key=lambda rows: -sum(row[0] for row in rows)):
+        min(shares, key=lambda share: sum(row[0] for row in share)).extend(rows)
+    return [[(name, kinds) for _, name, kinds in share] for share in shares if share]
+
+
+def compile_kernels(kernels: Sequence[tuple[str, str]], progress: Progress) -> None:
+    """Compile and keep kernels by name and types."""
+    for name, kinds in kernels:
         module, _, kernel = name.partition(".")
         getattr(import_module(f"bonecam.kernels.{module}"), kernel).compile(tuple(eval(f"[{kinds}]", NAMES)))
         report(progress, 0.0, name)
@@ -104,12 +113,12 @@ def warming(progress: Progress) -> Iterator[None]:
         return
     stopped, ready = Event(), []
 
-    def one(share: int) -> None:
-        work = f"{__name__}:{compile_share.__name__}"
-        call_in_worker(work, share, cores(), progress=lambda *step: ready.append(step), stopped=stopped)
+    def one(kernels: Sequence[tuple[str, str]]) -> None:
+        work = f"{__name__}:{compile_kernels.__name__}"
+        call_in_worker(work, kernels, progress=lambda *step: ready.append(step), stopped=stopped)
 
     with ThreadPoolExecutor(cores()) as pool:
-        shares = [pool.submit(one, share) for share in range(cores())]
+        shares = [pool.submit(one, kernels) for kernels in shares_of(cores())]
         try:
             yield
             left: Any = shares

@@ -133,7 +133,12 @@ def serve() -> None:
     except Exception as error:
         error.add_note(traceback.format_exc())
         outcome = error
-        if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        unloaded = isinstance(error, ImportError) and not isinstance(error, ModuleNotFoundError)  # no room for it
+        if (
+            isinstance(error, MemoryError)
+            or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+            or (memory and unloaded)
+        ):
             outcome = WorkerError(f"wanted more than {memory / 2**30:.3g} GB of memory")
     sys.stdout.flush()
     try:
