@@ -23,7 +23,7 @@ level's program; a Method is that of `bonecam.levels`.
 They stand in folders of these names below the user's folder (`user_folder`; a Python file holds the object as the name
 that `ATTRIBUTES` tells), or come with an installed package whose entry points name them: the group `bonecam.machines`
 (and so on) a package with TOML files, `bonecam.commands` (and so on) the object itself. What ships cannot be replaced:
-its names are taken. Nothing is imported before it is used, but the declarations of commands and sections.
+its names are taken. Nothing is imported before it is used, but the declarations of commands, demos and sections.
 
 An object that is asked for and cannot be loaded is an error that names it; one of many that are listed is told in one
 line, once, and left out. With BONECAM_NO_PLUGINS set nothing of packages is taken: the core alone.
@@ -31,7 +31,7 @@ line, once, and left out. With BONECAM_NO_PLUGINS set nothing of packages is tak
 
 import logging
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -93,6 +93,7 @@ ATTRIBUTES = {
     "solvers": "solve",
     "stocks": "KIND",
     "sections": "SECTION",
+    "scripts": "run",
     "figures": "figures",
     "names": "NAME",
 }
@@ -137,12 +138,17 @@ def reader_endings() -> tuple[str, ...]:
     return tuple(f".{name}" for name in added_names("readers"))
 
 
-def all_added(kind: str) -> dict[str, Any]:
-    """All objects of a kind by name, those that cannot be loaded left out, each told in one line once."""
+def all_added(kind: str, wanted: Any = object, taken: Collection[str] = ()) -> dict[str, Any]:
+    """All objects of a kind by name, without the names that are `taken`. Those that cannot be loaded, or are none of
+    what is `wanted`, are left out, each told in one line once."""
     found = {}
-    for name in added_names(kind):
+    for name in [name for name in added_names(kind) if name not in taken]:
         try:
-            found[name] = added(kind, name)
+            item = added(kind, name)
+            with run_added(kind, name):
+                if not isinstance(item, wanted):
+                    raise TypeError(f"{item!r} is no {wanted.__name__}")
+            found[name] = item
         except JobError as error:
             _tell_once(f"{kind} {name}: {error}")
     return found
@@ -167,7 +173,7 @@ def run_added(kind: str, name: str) -> Iterator[None]:
 def added_figures(result: Any) -> dict[str, dict[str, Any]]:
     """What plugins tell of a Result, by their names. One that fails is told in one line, once: the run stands."""
     told = {}
-    for name, figures in all_added("figures").items():
+    for name, figures in all_added("figures", Callable).items():
         try:
             with run_added("figures", name):
                 told[name] = dict(figures(result))

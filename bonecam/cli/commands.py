@@ -182,7 +182,9 @@ CATALOGUE_EXAMPLES = {
   bonecam convert bone.stl -o bone.h --tools shop.json --set finishing.preset=3""",
 }
 
-DEMOS: dict[str, Command] = all_added("demos")
+BATCH_KEPT = "finished programs are kept, --resume continues from there"
+"""What a batch leaves that is stopped."""
+DEMOS: dict[str, Command] = all_added("demos", Command)
 """What plugins show."""
 
 COMMANDS: dict[str, Command] = {
@@ -363,6 +365,8 @@ COMMANDS: dict[str, Command] = {
         ],
         examples="""
   bonecam batch scans/*.stl -o programs --job job.toml --jobs 4 --resume""",
+        stopped=BATCH_KEPT,
+        stopped_late=BATCH_KEPT,
     ),
     "warm": Command(
         run_warm,

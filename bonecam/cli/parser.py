@@ -66,7 +66,8 @@ def make_parser() -> Parser:
         [argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")],
         "  bonecam completion bash > ~/.local/share/bash-completion/completions/bonecam",
     )
-    added = {name: command for name, command in all_added("commands").items() if name not in COMMANDS}
+    core = {**COMMANDS, "completion": completion}
+    added = all_added("commands", Command, taken=core)
     for name, command in {**COMMANDS, **added, "completion": completion}.items():
         known: Parser = parsers.add_parser(
             name,

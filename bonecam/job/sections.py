@@ -198,7 +198,10 @@ def _refusing_unknown(init: Callable[..., None]) -> Callable[..., None]:
 
 
 if not TYPE_CHECKING:
-    _sections = [(name, kind, field(default_factory=kind)) for name, kind in all_added("sections").items()]
+    _sections = [
+        (name, kind, field(default_factory=kind))
+        for name, kind in all_added("sections", type, taken=Job.__dataclass_fields__).items()
+    ]
     if _sections:
         _where = {"__module__": __name__}
         Job = make_dataclass("Job", _sections, bases=(Job,), namespace=_where, frozen=True, repr=False)
