@@ -386,18 +386,18 @@ def _outcomes(
     kept = {part.name: kept_outcome(part, folder, wanted) for part in parts if resume}
     yield from (outcome for outcome in kept.values() if outcome)
     stopped = Event()
-    if len(kept) < len(parts) or not all(kept.values()):
+    left = [part for part in parts if not kept.get(part.name)]
+    if left:
         with warming(silent):  # once here, not in each part's process
             pass
     pool = ThreadPoolExecutor(jobs) if executor is None else executor
     here = partial(ask, stopped=stopped, progress=progress) if executor is None else ask
     futures: dict[Future[Outcome], BatchPart] = {}
     try:
-        for part in parts:
-            if not kept.get(part.name):
-                progress(part.name, 0.0, WAITING)
-                there = replace(part, file=part.file.absolute())  # a worker may be in another folder
-                futures[pool.submit(here, there)] = part
+        for part in left:
+            progress(part.name, 0.0, WAITING)
+            there = replace(part, file=part.file.absolute())  # a worker may be in another folder
+            futures[pool.submit(here, there)] = part
         for future in as_completed(futures):
             yield _outcome_of(future, futures[future])
     finally:
