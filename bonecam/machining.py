@@ -37,6 +37,7 @@ from bonecam.nc.posting import write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import check_length, check_room
+from bonecam.planning.blank import check_blank
 from bonecam.planning.chosen_cutters import leaves_cutters_open, with_chosen_cutters
 from bonecam.planning.estimate import estimate
 from bonecam.planning.levels import check_parting, plan_paths
@@ -67,7 +68,7 @@ from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.growth import Fit
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import PARTING, MoveKind, ToolPath
+from bonecam.tool.path import BLANK, PARTING, MoveKind, ToolPath
 from bonecam.verify.findings import GivenSurface, Removal, given_surface
 from bonecam.verify.gouge import Distances
 from bonecam.verify.proof import Verification, verify
@@ -130,6 +131,7 @@ def stand_part(
             if not seeks_post and job.path.strategy == "morph":
                 check_reached(setup, job, limits)
             check_parting(setup, job, limits)
+            check_blank(setup, job)
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
@@ -230,7 +232,7 @@ def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
     steps = _stepped(np.clip(feeds * least, low, high), feed)
     # what an axis or evenness has lowered to between two steps stays
     stepped = np.where(least < 1, np.minimum(steps, feeds), np.maximum(steps, feeds))
-    changed = goes_on & (path.level != PARTING)
+    changed = goes_on & (path.level not in (BLANK, PARTING))
     return replace(path, feed_rates=np.where(changed, np.clip(stepped, low, high), feeds))
 
 
@@ -258,7 +260,7 @@ def _loads(removal: Removal, tool: int) -> list[PathLoads]:
     """The loads of the paths of a cutter, but of those that part."""
     assert removal.mechanics is not None
     both = zip(removal.mechanics.paths, removal.levels, strict=True)
-    return [path for path, level in both if level.tool == tool and path.index != PARTING]
+    return [path for path, level in both if level.tool == tool and path.index not in (BLANK, PARTING)]
 
 
 class ProvedProgram(NamedTuple):

@@ -6,6 +6,7 @@ from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 NO_TAILSTOCK, PIN, NECK = "none", "pin", "neck"
+TURNED, MILLED = "turned", "milled"
 
 
 LEAST_POST = 0.5
@@ -100,6 +101,16 @@ class HoldingJob(JobSection):
         "Length of the bar, at its own diameter, between chuck and neck; 0: the chuck holds the neck.",
         0.0,
         300.0,
+    )
+    neck: str = parameter(
+        TURNED,
+        "Neck",
+        "How stock and neck come out of the bar: turned before on a lathe, or milled at the program's start from a bar "
+        "that is only sawn.",
+        choices=(TURNED, MILLED),
+    )
+    bar_end: float = millimetres(
+        1.0, "Bar end", "How far the sawn bar stands over the stock that is milled from it.", 0.0, 50.0
     )
     clearance: float = millimetres(
         5.0,

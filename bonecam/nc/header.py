@@ -30,6 +30,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.errors import MachineError
 from bonecam.job import Job
+from bonecam.job.holding_section import TURNED
 from bonecam.job.materials.preset import Material, read_material
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
@@ -457,7 +458,8 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
     stub = held.pop("stub", None)
     name, foot = ("post", 0.0) if stub is None else ("neck", stub.top)
     post = f"{name} below it: diameter {job.holding.diameter:.2f} mm, from Z {foot:.2f} to Z {top:.2f}"
-    texts = [f"{post}, turned before, {'parted at the end' if job.holding.parting else 'left uncut'}", *part_texts(job)]
+    made = "turned before" if job.holding.neck == TURNED else "milled first"
+    texts = [f"{post}, {made}, {'parted at the end' if job.holding.parting else 'left uncut'}", *part_texts(job)]
     if stub is not None:
         bar = f"bar of diameter {2 * stub.radius:.2f} mm, from Z {stub.bottom:.2f} to Z {stub.top:.2f}"
         texts.append(f"stub below the neck: {bar}, stock and neck are turned from it")

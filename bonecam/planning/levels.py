@@ -35,6 +35,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field import SmoothAxes, level_axes
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.axes.tool_axes import added_axes
+from bonecam.planning.blank import blank_paths
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import (
     UNCERTAIN,
@@ -206,7 +207,7 @@ def plan_paths(
     part = distance_to_part(levels, job.path.gouge_tolerance)
     fixture = post_below(part.mesh, job.holding), clamping_of(job.holding, limits.bodies.table)
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
-    paths: list[ToolPath] = []
+    paths = blank_paths(stock, fixture[0], fixture[1], job, limits)
     material = uncut_material(levels, stock)
     smooth = None
     for level_contacts in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):

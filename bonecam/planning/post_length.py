@@ -46,7 +46,7 @@ from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.placement import Setup
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
+from bonecam.workholding.clamping import Clamping, clamping_of
 from bonecam.workholding.post import bracket, in_collet, refuse_tailstock, thickest_below
 
 SLICE = 4.0
@@ -173,7 +173,7 @@ def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping
     contacts on a part whose lowest point is at the `height`."""
     standing = max((column.top for column in clamping.columns), default=0.0) + clamping.clearance
     if clamping.stub is not None:
-        standing = max(standing, clamping.stub.top + LEAST_NECK)
+        standing = max(standing, clamping.stub.top + clamping.least_neck)
     if (lifts == np.inf).any() and not np.isfinite(lifts).any():
         what = "[holding] length = 0: no contact has a free tool axis, however long the post is"
         raise OrientationError(f"{what}: take a longer overhang or a slimmer holder")

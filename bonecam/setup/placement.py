@@ -27,6 +27,7 @@ from scipy.spatial import cKDTree
 
 from bonecam.errors import BonecamError, JobError, StockError, ToolPathError
 from bonecam.job import Job, StockJob
+from bonecam.job.holding_section import MILLED
 from bonecam.mesh.part import Part
 from bonecam.mesh.pose import rotation, settled_pose
 from bonecam.mesh.triangle_mesh import MeshLike, mesh_from
@@ -47,7 +48,7 @@ from bonecam.setup.stock import (
 from bonecam.setup.stocks.box import Box
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.workholding.post import MISSES, Post, checked_post
+from bonecam.workholding.post import MISSES, Post, checked_post, next_bar
 
 KEPT_STOCK = "stock.ply"
 """The body of a stock in memory, as a kept folder has it beside its job.toml."""
@@ -182,7 +183,12 @@ def _place(part: Part, job: Job, body: ConvexStock | None) -> Setup:
     schedule = schedule_of(job.levels)
     height = job.holding.length or TALL
     lying = part.mesh.vertices, job.stock, schedule
-    stock, pose = stock_for(*lying, bottom=height, spare=job.surface.tolerance_for(), body=body)
+    sizes = {"bottom": height, "spare": job.surface.tolerance_for(), "body": body}
+    stock, pose = stock_for(*lying, **sizes)
+    if job.holding.neck == MILLED and isinstance(stock, Capsule) and not job.stock.diameter:
+        # the bar itself, between the caps
+        of_bar = replace(job.stock, diameter=job.holding.stub_diameter or next_bar(stock.diameter))
+        stock, pose = stock_for(part.mesh.vertices, of_bar, schedule, **sizes)
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 

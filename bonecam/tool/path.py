@@ -14,6 +14,8 @@ from bonecam.errors import counted
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
 
+BLANK = -2
+"""The level of the paths that mill the stock from the bar, before all others; their `rest` counts from 1."""
 PARTING = -1
 """The level of the paths that part the finished part from its post, after level 0; their `rest` counts from 1."""
 
@@ -35,7 +37,7 @@ class ContactPath:
     contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. Those on a `ramp` before a
     pass are raised, and follow once more on the pass itself. `uncut` are the contacts that were left out, `reasons` one
     word for each (post, gouge, covered, short). `trimmed` is the length of passes (mm) that were left out because they
-    would hardly have cut. `rest` numbers from 1 the rest paths before the level's own one, 0, and the steps of PARTING.
+    would hardly have cut. `rest` numbers from 1 the rest paths before the level's own one, 0, and the steps of PARTING and BLANK.
     """
 
     level: int
@@ -157,7 +159,9 @@ class ToolPath:
 
     @property
     def title(self) -> str:
-        """What a program calls it: level 3, level 3 rest 1, or parting 1."""
+        """What a program calls it: level 3, level 3 rest 1, parting 1 or blank 1."""
         if self.level == PARTING:
             return f"parting {self.rest}"
+        if self.level == BLANK:
+            return f"blank {self.rest}"
         return f"level {self.level} rest {self.rest}" if self.rest else f"level {self.level}"

@@ -31,14 +31,16 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import Motions
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.reading import read_program
+from bonecam.planning.blank import CUSP, bar_of, blank_depth
 from bonecam.planning.contacts import at_post
+from bonecam.planning.stump import parting_cutters
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import PARTING
+from bonecam.tool.path import BLANK, PARTING
 from bonecam.verify.clearances import NEAR, body_clearance, shell_clearance, table_clearance
 from bonecam.verify.clearances import TOUCHING as BODIES_NEAR
 from bonecam.verify.findings import (
@@ -73,7 +75,7 @@ from bonecam.verify.sweeping import (
     volumes,
 )
 from bonecam.workholding.clamping import Clamping, clamping_of
-from bonecam.workholding.post import Post, post_below
+from bonecam.workholding.post import Column, Post, post_below
 
 REMEDIES = {
     "shank": "give a slimmer shank, or a larger overhang or flute length",
@@ -132,7 +134,7 @@ def check_removal(
         )
     for level in removal.levels if limited else ():
         if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
-            name = "the parting" if level.index == PARTING else f"level {level.index}"
+            name = {PARTING: "the parting", BLANK: "the blank"}.get(level.index, f"level {level.index}")
             _refuse(
                 level.deepest,
                 f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
@@ -193,6 +195,7 @@ def simulate_removal(
     surfaces: Mapping[int, TriangleMesh] | None = None,
     accuracy: Accuracy | None = None,
     workpiece: Workpiece | None = None,
+    bar: Column | None = None,
     progress: Progress = silent,
 ) -> Removal:
     """What the program `text` removes from `stock` on its `post`, what it leaves on `part`, and what its
@@ -201,7 +204,7 @@ def simulate_removal(
     `cutters` are the tools with shank, holder and spindle nose, by number; `clamping` is what stands below (None: a
     table that nothing may go below); `limits` the largest depth (mm) of the cut on each level, `scallops` what it may
     leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands;
-    force and bending of the `workpiece` are told if there is one. ProgramError where the text cannot be read or calls
+    force and bending of the `workpiece` are told if there is one; `bar` is what stock and neck are milled from. ProgramError where the text cannot be read or calls
     another tool, JobError where the rays need too much memory, MachineError as in
     `body_clearance`.
     """
@@ -209,7 +212,10 @@ def simulate_removal(
     if not isinstance(stock, SimulatedStock):
         assert post is not None
         clamping = clamping.with_pin(post)
-        carried = [Cylinder(one.radius, one.bottom, one.top, (one.x, one.y)) for one in clamping.carried(post)]
+        carried = [
+            Cylinder(one.radius, one.bottom, one.top, (one.x, one.y))
+            for one in (*clamping.carried(post), *([bar] if bar else []))
+        ]
         stock = material_of([stock, *carried], part, accuracy or Accuracy())
     report(progress, 0.0, "reading the program for the simulation")
     motions = read_program(text, machine, dialect)
@@ -383,7 +389,8 @@ def depth_limits(text: str, machine: Machine, dialect: Dialect, job: Job, limits
         of_path = dict(enumerate(limits))
     else:
         of_path = layer_limits(text, read_program(text, machine, dialect), dialect, job)
-    return of_path | {PARTING: job.levels.layer_depth}
+    deepest = max(blank_depth(cutter) for cutter in parting_cutters(job, machine.bodies))
+    return of_path | {PARTING: job.levels.layer_depth, BLANK: deepest}
 
 
 def layer_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dict[int, float]:
@@ -445,10 +452,11 @@ def prove_removal(
         clamping=clamping,
         part=morph_surfaces(levels)[0],
         limits=depth_limits(text, machine, dialect, job, (level.limit for level in levels[1:])),
-        scallops=level_scallops(job, len(levels)),
+        scallops=level_scallops(job, len(levels)) | {BLANK: CUSP},
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
+        bar=bar_of(stock, clamping.stub, job.holding) if clamping.stub else None,
         progress=progress,
     )
     removal = with_limits(removal, machine, job)

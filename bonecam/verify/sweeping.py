@@ -51,7 +51,7 @@ from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import PARTING
+from bonecam.tool.path import BLANK, PARTING
 from bonecam.verify.gouge import centre_bows
 from bonecam.workholding.post import Post
 
@@ -111,7 +111,7 @@ RUBBING = 0.02
 @dataclass(frozen=True, eq=False)
 class Group:
     """Consecutive moves (m,) of one cutter on one level; `level` is None where no comment names one. `rest` numbers
-    the rest paths of the level from 1; 0 is its own path. That of PARTING numbers its steps."""
+    the rest paths of the level from 1; 0 is its own path. Those of PARTING and BLANK number their steps."""
 
     level: int | None
     rest: int
@@ -134,7 +134,7 @@ def groups_of(text: str, motions: Motions, dialect: Dialect) -> Iterator[Group]:
 def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int]]:
     """Line (from 1), level and number of the rest path of each comment that begins a path, as `posting.write` writes
     them."""
-    words = r"(?:LEVEL (\d+)(?: REST (\d+))?|PARTING (\d+))"
+    words = r"(?:LEVEL (\d+)(?: REST (\d+))?|PARTING (\d+)|BLANK (\d+))"
     comment = re.escape(dialect.comment.replace("{text}", "TEXT")).replace("TEXT", words)
     pattern = re.compile(rf"^(?:\d+ )?{comment}$", re.MULTILINE)
     line = 1
@@ -142,7 +142,11 @@ def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int
     for match in pattern.finditer(text):
         line += text.count("\n", at, match.start())
         at = match.start()
-        yield line, *((PARTING, int(match[3])) if match[3] else (int(match[1]), int(match[2] or 0)))
+        level, rest, parting, blank = match.groups()
+        if level:
+            yield line, int(level), int(rest or 0)
+        else:
+            yield line, *((PARTING, int(parting)) if parting else (BLANK, int(blank)))
 
 
 def feed_minutes(motions: Motions) -> Float[ndarray, " n"]:

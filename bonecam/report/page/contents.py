@@ -45,7 +45,7 @@ from bonecam.report.summary import WHY, finished_summary, second_text, summary_o
 from bonecam.setup.stock import Stock, stock_figures, stock_text
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.tool.path import PARTING, MoveKind, ToolPath
+from bonecam.tool.path import BLANK, PARTING, MoveKind, ToolPath
 from bonecam.verify.findings import LEFT, Removal
 from bonecam.verify.readback import Tolerances, compare_moves
 from bonecam.verify.removal import cutters_of, followed_surfaces
@@ -372,7 +372,7 @@ def program_contents(
     surfaces = followed_surfaces(job, meshes) if surfaces is None else surfaces
 
     # The level of each move; NO_LEVEL where no comment names one, PARTED behind the last level
-    numbers = {None: NO_LEVEL, PARTING: PARTED}
+    numbers = {None: NO_LEVEL, PARTING: PARTED, BLANK: NO_LEVEL}
     level_of = np.concatenate(
         [
             np.full(len(group.moves), numbers.get(group.level, group.level))

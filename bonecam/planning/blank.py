@@ -1,0 +1,278 @@
+"""The stock milled from the bar: what stands round a stock of revolution, and round the neck below it, is cut away.
+
+The ball goes round the Z axis in a helix from above the sawn end of the bar down to the foot of the neck, in layers: a
+layer brings the material `depth` nearer to the axis, at most, or down to what stays. The axis of the tool leans by one
+angle from the plane across the bar, towards the end of the bar, and turns with the helix, so that the ball cuts beside
+its tip and the neck of the tool rises out of the groove. The stiffer cutter goes first; the other takes what its ball
+leaves in the groove.
+
+The material is known by its radius over the height, as that of a lathe.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from bonecam.errors import OrientationError
+from bonecam.job import HoldingJob, Job, field_error
+from bonecam.job.holding_section import MILLED
+from bonecam.machine.limits import MachineLimits
+from bonecam.mesh.solids import revolve, segments_around
+from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.planning.layers import flat_step
+from bonecam.planning.oriented_path import orient
+from bonecam.planning.scene import Scene
+from bonecam.planning.stump import parting_cutters
+from bonecam.setup.capsule import Capsule
+from bonecam.setup.placement import Setup
+from bonecam.setup.stock import Stock
+from bonecam.tool.cutter import Cutter
+from bonecam.tool.path import BLANK, ContactPath, ToolPath
+from bonecam.workholding.clamping import STUB_CLEARANCE, Clamping
+from bonecam.workholding.post import Column, Post
+
+STEP = 0.02
+"""Heights at which radii are known are so far apart, mm."""
+ROWS = 5
+"""A mesh has a ring for so many of them: the largest."""
+LEANS = tuple(np.radians([20.0, 30.0, 10.0, 45.0]))
+"""Angles of the tool from the plane across the bar that are tried, radians."""
+NEAREST = 0.1
+"""The ball's centre comes no nearer to the Z axis, mm: the ball reaches over it."""
+OFF = 0.01
+"""The ball keeps so far from what stays, mm: radii between the heights are known to half of that."""
+LEAST = 0.02
+"""A layer that takes less is none, mm."""
+DEPTH_SHARE = 0.5
+"""Of its radius, that the ball takes with one layer, cusps of the layer before included: the bar is many times as stiff
+as the part on its neck, for which `tool.cutter.REST_SHARE` holds."""
+CUSP = 0.1
+"""Cusps that a layer leaves, mm; the levels follow."""
+AROUND = 0.5
+"""The links keep out of a capsule that is so much larger than the bar, mm."""
+
+
+def blank_depth(cutter: Cutter) -> float:
+    """Depth (mm) of a layer of a cutter at most."""
+    return DEPTH_SHARE * cutter.radius
+
+
+def bar_of(stock: Stock, stub: Column, holding: HoldingJob) -> Column | None:
+    """The bar that a stock is milled from: as thick as the `stub`, from the foot of that to its sawn end; None where
+    the stock is turned before."""
+    return replace(stub, top=float(stock.bounds[1, 2]) + holding.bar_end) if holding.neck == MILLED else None
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Radii (k,) of a body of revolution at `heights` (k,), rising by STEP, mm; negative where there is none."""
+
+    heights: Float[ndarray, " k"]
+    radii: Float[ndarray, " k"]
+
+    def around(self, radius: float) -> Float[ndarray, " k"]:
+        """The least distance of a ball's centre from the axis at each height with which it stays out of the body."""
+        out = np.full(len(self.radii), -np.inf)
+        count = int(np.ceil(radius / STEP))
+        for shift in range(-count, count + 1):
+            inner = np.sqrt(max(radius**2 - (shift * STEP) ** 2, 0.0))
+            there = np.arange(len(out)) + shift
+            there = np.clip(there, 0, len(out) - 1)
+            out = np.maximum(out, np.where(self.radii[there] > 0, self.radii[there] + inner, -np.inf))
+        return out
+
+    def without(self, away: Float[ndarray, " j"], heights: Float[ndarray, " j"], radius: float) -> "Profile":
+        """What balls leave that go round the axis at these distances and heights."""
+        off = self.heights[:, None] - heights
+        reached = away - np.sqrt(np.maximum(radius**2 - off**2, 0.0))
+        left = np.where(np.abs(off) < radius, reached, np.inf).min(axis=1, initial=np.inf)
+        return replace(self, radii=np.where(left < self.radii, np.where(left > 0, left, -1.0), self.radii))
+
+    def mesh(self, chord: float, more: float) -> TriangleMesh:
+        """A closed mesh of the body, `more` mm larger."""
+        there = np.flatnonzero(self.radii > 0)
+        first = np.arange(0, len(there), ROWS)
+        radii, heights = np.maximum.reduceat(self.radii[there], first) + more, self.heights[there][first]
+        ends = (float(heights[0]) - more - STEP, float(heights[-1]) + more + STEP)
+        return revolve(radii, heights, ends, segments_around(float(radii.max()), chord))
+
+
+def stock_profile(stock: Stock, neck: float, foot: float, heights: Float[ndarray, " k"]) -> Profile:
+    """What stays: the stock, and below its middle down to the `foot` a neck of this radius."""
+    low, high = np.zeros(len(heights)), np.full(len(heights), stock.diameter)
+
+    def inside(radii: Float[ndarray, " k"]) -> Bool[ndarray, " k"]:
+        return stock.signed_distance(np.column_stack([radii, 0 * radii, heights])) < 0
+
+    for _ in range(40):
+        middle = (low + high) / 2
+        within = inside(middle)
+        low, high = np.where(within, middle, low), np.where(within, high, middle)
+    radii = np.where(low > 0, low, -1.0)
+    below = (heights >= foot) & (heights < stock.middle[2])
+    return Profile(heights, np.where(below, np.maximum(radii, neck), radii))
+
+
+@dataclass(frozen=True, eq=False)
+class Lathe:
+    """How a cutter takes the material down to what stays: `final` distances of its centre at the heights, no lower than
+    `lowest`; a layer is `depth` deep at most."""
+
+    cutter: Cutter
+    final: Float[ndarray, " k"]
+    lowest: float
+    depth: float
+
+    def layers(self, material: Profile) -> Iterator[list[tuple[ndarray, ndarray]]]:
+        """The stretches of each layer from the top down: distances from the axis and heights of the ball's centre."""
+        heights = material.heights
+        clear = np.maximum(material.around(self.cutter.radius), self.final)
+        open_to = np.where(heights >= self.lowest, clear, -np.inf)
+        outer = float(np.where(open_to - self.final > LEAST, open_to, 0.0).max())
+        before = open_to
+        count = int(np.ceil((outer - max(float(self.final[heights >= self.lowest].min()), 0.0)) / self.depth))
+        for k in range(1, count + 1):
+            after = np.maximum(self.final, np.minimum(before, outer - k * self.depth))
+            cuts = (before - after > LEAST) & (heights >= self.lowest)
+            edges = np.flatnonzero(np.diff(np.r_[False, cuts, False]))
+            stretches = [(after[a:b][::-1], heights[a:b][::-1]) for a, b in edges.reshape(-1, 2) if b - a > 1]
+            if stretches:
+                yield stretches[::-1]
+            before = np.where(cuts, after, before)
+
+
+def helix(away: ndarray, heights: ndarray, pitch: float, turn: float) -> tuple[ndarray, ndarray, ndarray]:
+    """Angles, distances from the axis and heights of a helix along a line of the half plane, a `pitch` (mm of the line)
+    a turn, no more than `turn` radians apart; it ends with a whole turn."""
+    along = np.r_[0.0, np.cumsum(np.hypot(np.diff(away), np.diff(heights)))]
+    last = 2 * np.pi * along[-1] / pitch
+    angle = np.linspace(0.0, last + 2 * np.pi, int(np.ceil((last + 2 * np.pi) / turn)) + 1)
+    at = np.minimum(angle / (2 * np.pi) * pitch, along[-1])
+    return angle, np.interp(at, along, away), np.interp(at, along, heights)
+
+
+def check_blank(setup: Setup, job: Job) -> None:
+    """JobError where a stock that is to be milled from the bar is none of revolution, stands on no bar, or its neck is
+    too short for the finishing ball."""
+    if job.holding.neck != MILLED:
+        return
+    holding, stock = job.holding, setup.stock
+    what = ""
+    if not isinstance(stock, Capsule):
+        what = f"a {stock.kind} cannot be milled from the bar: give stock.kind = 'capsule'"
+    elif not holding.stub_length:
+        what = "there is no bar to mill it from: give holding.stub_length, or nothing of the holding"
+    elif holding.has_tailstock:
+        what = "the bracket of a tailstock stands where the bar's end is milled: give no tailstock"
+    elif float(stock.bounds[0, 2]) - holding.support_height < 2 * job.finishing.radius:
+        need = holding.support_height + 2 * job.finishing.radius
+        what = f"the finishing ball does not get between stub and stock: give holding.length = {need:g} or more"
+    if what:
+        raise field_error("holding", "neck", holding.neck, f"{what}, or 'turned'")
+
+
+def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: MachineLimits) -> list[ToolPath]:
+    """The paths that mill stock and neck from the bar; none where they are turned before. OrientationError where no
+    cutter gets all round."""
+    stub = clamping.stub
+    bar = bar_of(stock, stub, job.holding) if stub else None
+    if stub is None or bar is None:
+        return []
+    widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
+    heights = np.arange(stub.top, bar.top + widest + STEP, STEP)
+    stays = stock_profile(stock, post.radius, stub.top, heights)
+    material = Profile(heights, np.where(heights <= bar.top, bar.radius, -1.0))
+    paths: list[ToolPath] = []
+    for cutter in parting_cutters(job, limits.bodies):
+        final = np.maximum(stays.around(cutter.radius) + OFF, NEAREST)
+        lathe = Lathe(cutter, final, stub.top + cutter.radius, blank_depth(cutter) - CUSP)
+        for stretches in lathe.layers(material):
+            after = material
+            for away, at in stretches:
+                after = after.without(away, at, cutter.radius)
+            contacts = _contacts(stretches, lathe, stays, job, number=len(paths) + 1)
+            scene = _scene(material, stays, stock, bar, post, clamping, job, cutter)
+            paths.append(_leaning(contacts, scene, limits, job))
+            material = after
+    return paths
+
+
+def _contacts(
+    stretches: list[tuple[ndarray, ndarray]], lathe: Lathe, stays: Profile, job: Job, number: int
+) -> ContactPath:
+    """The contacts of a layer, a pass each stretch, counter-clockwise from above."""
+    cutter = lathe.cutter
+    parts = []
+    for index, (away, at) in enumerate(stretches):
+        half = np.arccos(1 - job.path.chord_tolerance / float(away.max()))
+        turn = min(2 * half, job.path.max_step / float(away.max()))
+        angle, radii, z = helix(away, at, flat_step(cutter.radius, CUSP), turn)
+        # The normal of what stays where the ball touches it, else away from the axis
+        final = np.interp(z, stays.heights, lathe.final)
+        slope = np.gradient(lathe.final, STEP)
+        rise = np.where(radii - final < LEAST, -np.interp(z, stays.heights, slope), 0.0)
+        flat = 1 / np.hypot(1.0, rise)
+        normals = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), rise * flat])
+        centres = np.column_stack([radii * np.cos(angle), radii * np.sin(angle), z])
+        feeds = np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
+        parts.append((np.full(len(angle), index), centres, normals, feeds))
+    passes, centres, normals, feeds = (np.concatenate(each) for each in zip(*parts, strict=True))
+    count = len(passes)
+    return ContactPath(
+        level=BLANK,
+        cutter=cutter,
+        pass_index=passes,
+        parameters=np.full((count, 2), np.nan),
+        contacts=centres - cutter.radius * normals,
+        normals=normals,
+        feeds=feeds,
+        centres=centres,
+        lifts=np.zeros(count),
+        ramp=np.zeros(count, dtype=bool),
+        uncut=np.zeros((0, 3)),
+        reasons=(),
+        rest=number,
+    )
+
+
+def _scene(
+    material: Profile,
+    stays: Profile,
+    stock: Stock,
+    bar: Column,
+    post: Post,
+    clamping: Clamping,
+    job: Job,
+    cutter: Cutter,
+) -> Scene:
+    """What stands round the tool on a layer. The stub is held by its foot: its upper end is cut with the neck's."""
+    stub = clamping.stub
+    assert stub is not None
+    foot = replace(stub, top=stub.top - 2 * STUB_CLEARANCE)
+    around = Capsule(np.array([0.0, 0.0, stub.bottom]), np.array([0.0, 0.0, bar.top]), bar.radius + AROUND)
+    return Scene(
+        level=stock.mesh(job.path.chord_tolerance),
+        material=material.mesh(job.path.chord_tolerance, CUSP),
+        stock=around,
+        post=post,
+        clamping=replace(clamping, stub=foot),
+    )
+
+
+def _leaning(contacts: ContactPath, scene: Scene, limits: MachineLimits, job: Job) -> ToolPath:
+    """The path of a layer with the first of LEANS with which all of it is cut."""
+    out = contacts.normals * [1.0, 1.0, 0.0]
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    for lean in LEANS:
+        axes = np.cos(lean) * out + np.sin(lean) * np.array([0.0, 0.0, 1.0])
+        try:
+            path = orient(contacts, scene, limits, job.path, job.nc, fixed=axes)
+        except OrientationError:
+            continue
+        if not len(path.uncut):
+            return path
+    remedy = 'give holding.neck = "turned", a longer post (holding.length) or a longer overhang'
+    raise OrientationError(f"blank {contacts.rest}: no tool axis leads all round the bar: {remedy}")
