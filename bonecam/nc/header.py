@@ -50,6 +50,7 @@ from bonecam.nc.path_words import (
 )
 from bonecam.nc.program import Program, ProgramTime
 from bonecam.nc.words import comment, move_words, word_texts
+from bonecam.planning.blank import bar_of
 from bonecam.planning.stump import cut_groove
 from bonecam.setup.stock import Stock, kind_of
 from bonecam.tool.cutter import Cutter
@@ -462,13 +463,19 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
     texts = [f"{post}, {made}, {'parted at the end' if job.holding.parting else 'left uncut'}", *part_texts(job)]
     if stub is not None:
         bar = f"bar of diameter {2 * stub.radius:.2f} mm, from Z {stub.bottom:.2f} to Z {stub.top:.2f}"
-        texts.append(f"stub below the neck: {bar}, stock and neck are turned from it")
+        how = "turned" if job.holding.neck == TURNED else "milled"
+        texts.append(f"stub below the neck: {bar}, stock and neck are {how} from it")
     if stock is not None:
         low, high = stock.bounds[:, 2].tolist()
         sizes = ", ".join(f"{name} {size:.2f}" for name, size in stock.sizes.items())
+        shape = kind_of(job.stock).shape
+        sawn = bar_of(stock, stub, job.holding) if stub else None
+        if sawn is not None:
+            shape = f"milled first from a plain bar of diameter {2 * sawn.radius:.2f} mm, sawn, its end at Z "
+            shape += f"{sawn.top:.2f} at most"
         texts = [
             f"stock: {stock.kind}, {sizes} mm, from Z {low:.2f} to Z {high:.2f}",
-            f"stock: {kind_of(job.stock).shape}, mounted so before the start",
+            f"stock: {shape}, mounted so before the start",
             *texts,
         ]
     texts += _tailstock_texts(job)

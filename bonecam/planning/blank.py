@@ -42,8 +42,8 @@ LEANS = tuple(np.radians([20.0, 30.0, 10.0, 45.0]))
 """Angles of the tool from the plane across the bar that are tried, radians."""
 NEAREST = 0.1
 """The ball's centre comes no nearer to the Z axis, mm: the ball reaches over it."""
-OFF = 0.01
-"""The ball keeps so far from what stays, mm: radii between the heights are known to half of that."""
+OFF = 0.02
+"""The ball keeps so far from what stays, mm: on the caps radii between the heights are known to less."""
 LEAST = 0.02
 """A layer that takes less is none, mm."""
 DEPTH_SHARE = 0.5

@@ -182,13 +182,15 @@ def _place(part: Part, job: Job, body: ConvexStock | None) -> Setup:
     check_sizes(job.stock)
     schedule = schedule_of(job.levels)
     height = job.holding.length or TALL
-    lying = part.mesh.vertices, job.stock, schedule
-    sizes = {"bottom": height, "spare": job.surface.tolerance_for(), "body": body}
-    stock, pose = stock_for(*lying, **sizes)
+
+    def stock_of(stock: StockJob) -> tuple[Stock, Float[ndarray, "4 4"]]:
+        spare = job.surface.tolerance_for()
+        return stock_for(part.mesh.vertices, stock, schedule, bottom=height, spare=spare, body=body)
+
+    stock, pose = stock_of(job.stock)
     if job.holding.neck == MILLED and isinstance(stock, Capsule) and not job.stock.diameter:
         # the bar itself, between the caps
-        of_bar = replace(job.stock, diameter=job.holding.stub_diameter or next_bar(stock.diameter))
-        stock, pose = stock_for(part.mesh.vertices, of_bar, schedule, **sizes)
+        stock, pose = stock_of(replace(job.stock, diameter=job.holding.stub_diameter or next_bar(stock.diameter)))
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 

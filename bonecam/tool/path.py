@@ -37,7 +37,8 @@ class ContactPath:
     contact + (radius + lift) * normal; `lifts` (mm) are 0 but where the ball would gouge. Those on a `ramp` before a
     pass are raised, and follow once more on the pass itself. `uncut` are the contacts that were left out, `reasons` one
     word for each (post, gouge, covered, short). `trimmed` is the length of passes (mm) that were left out because they
-    would hardly have cut. `rest` numbers from 1 the rest paths before the level's own one, 0, and the steps of PARTING and BLANK.
+    would hardly have cut. `rest` numbers from 1 the rest paths before the level's own one, 0, and the steps
+    of PARTING and BLANK.
     """
 
     level: int

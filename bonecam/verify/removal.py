@@ -134,7 +134,7 @@ def check_removal(
         )
     for level in removal.levels if limited else ():
         if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
-            name = {PARTING: "the parting", BLANK: "the blank"}.get(level.index, f"level {level.index}")
+            name = {PARTING: "the parting", BLANK: "the blank"}.get(level.index or 0, f"level {level.index}")
             _refuse(
                 level.deepest,
                 f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "
@@ -204,9 +204,9 @@ def simulate_removal(
     `cutters` are the tools with shank, holder and spindle nose, by number; `clamping` is what stands below (None: a
     table that nothing may go below); `limits` the largest depth (mm) of the cut on each level, `scallops` what it may
     leave (mm; by default that of its tool); `surfaces` the meshes that levels leave, on which is told what stands;
-    force and bending of the `workpiece` are told if there is one; `bar` is what stock and neck are milled from. ProgramError where the text cannot be read or calls
-    another tool, JobError where the rays need too much memory, MachineError as in
-    `body_clearance`.
+    force and bending of the `workpiece` are told if there is one; `bar` is what stock and neck are milled from.
+    ProgramError where the text cannot be read or calls another tool, JobError where the rays need too much memory,
+    MachineError as in `body_clearance`.
     """
     clamping = clamping or Clamping()
     if not isinstance(stock, SimulatedStock):

@@ -1,0 +1,149 @@
+"""Stock and neck milled from the bar: posted, read back and simulated on a small capsule; and jobs that cannot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_parts import mesh_of, pebble
+
+import bonecam
+from bonecam.errors import JobError, OrientationError
+from bonecam.job import Job
+from bonecam.machine import read_machine
+from bonecam.mesh import Part
+from bonecam.nc import machine_limits, read_dialect, write_program
+from bonecam.planning.blank import bar_of, blank_depth, blank_paths, check_blank
+from bonecam.planning.post_length import shortest_post
+from bonecam.report import read_apt
+from bonecam.report.tables import apt_text
+from bonecam.setup import Capsule, Setup, schedule_of
+from bonecam.setup.placement import place
+from bonecam.setup.stocks.box import Box
+from bonecam.tool.path import BLANK, MoveKind
+from bonecam.verify import Accuracy, simulate_removal
+from bonecam.verify.removal import cutters_of
+from bonecam.workholding import Post, clamping_of
+from bonecam.workholding.post import in_collet
+
+MACHINE, DIALECT = read_machine("mikron-ucp600"), read_dialect("heidenhain")
+LIMITS = machine_limits(MACHINE)
+BAR = {"neck": "milled", "diameter": 4.0, "length": 119.0, "stub_diameter": 13.0, "stub_length": 15.0}
+JOB = Job().with_values(holding=BAR)
+JOB = replace(JOB, holding=in_collet(JOB.holding, 13.0))
+STOCK = Capsule(np.array([0.0, 0.0, 124.5]), np.array([0.0, 0.0, 136.0]), 5.5)
+POST = Post(2.0, 121.0)
+CLAMPING = clamping_of(JOB.holding, MACHINE.table)
+
+
+def lump():
+    mesh = mesh_of(pebble(), around=40, along=50)
+    return Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
+
+
+@pytest.fixture(scope="module")
+def paths():
+    return blank_paths(STOCK, POST, CLAMPING, JOB, LIMITS)
+
+
+@pytest.fixture(scope="module")
+def removal(paths):
+    text = write_program(paths, MACHINE, DIALECT, JOB).text
+    assert "; BLANK 1\n" in text
+    cutters = cutters_of(JOB, MACHINE)
+    bar = bar_of(STOCK, CLAMPING.stub, JOB.holding)
+    assert bar is not None
+    cut = text, MACHINE, DIALECT, STOCK, POST, cutters
+    return simulate_removal(*cut, clamping=CLAMPING, bar=bar, accuracy=Accuracy(cell=0.15))
+
+
+def test_no_ball_enters_stock_or_neck(paths):
+    for path in paths:
+        cuts = path.kinds == MoveKind.CUT
+        balls = path.balls[cuts]
+        # between two points the chord comes nearer by no more than the chord tolerance
+        middles = (balls[1:] + balls[:-1])[np.diff(path.pass_index[cuts]) == 0] / 2
+        for centres, spare in ((balls, 1e-6), (middles, JOB.path.chord_tolerance)):
+            assert STOCK.signed_distance(centres).min() >= path.cutter.radius - spare
+            assert POST.distance(centres).min() >= path.cutter.radius - spare
+            assert centres[:, 2].min() >= CLAMPING.stub.top + path.cutter.radius - 1e-6
+        assert not len(path.uncut)
+
+
+def test_the_stiffer_cutter_goes_first_and_the_other_into_the_groove(paths):
+    radii = [path.cutter.radius for path in paths]
+    assert radii == sorted(radii, reverse=True)
+    assert len(set(radii)) == 2
+    assert [(path.level, path.rest) for path in paths] == [(BLANK, k) for k in range(1, len(paths) + 1)]
+
+
+def test_the_simulation_finds_all_round_the_stock_gone_within_the_depth(removal, paths):
+    bar = np.pi * 6.5**2 * (STOCK.bounds[1, 2] + JOB.holding.bar_end - CLAMPING.stub.top)
+    neck = np.pi * POST.radius**2 * (STOCK.bounds[0, 2] - CLAMPING.stub.top)
+    gone = sum(level.removed for level in removal.levels)
+    # fillets at the foot of the neck and under the caps, and cusps of 0.1 mm, stay
+    assert 0.93 * (bar - neck - STOCK.volume) < gone < bar - neck - STOCK.volume
+    for level, path in zip(removal.levels, paths, strict=True):
+        assert level.deepest.value <= blank_depth(path.cutter) + 0.15 / 2
+        assert level.links <= 0.02
+    assert removal.rapid_contact is None
+    assert not any(part.touched for part in (removal.shank, removal.holder, removal.spindle, removal.table))
+
+
+def test_cutter_location_data_keep_the_blank(paths):
+    read = read_apt(apt_text(paths))
+    assert {path.level for path in read.paths} == {BLANK}
+    assert sum(len(path.tips) for path in read.paths) == sum(len(path.tips) for path in paths)
+
+
+def test_a_turned_stock_has_no_such_paths():
+    turned = JOB.with_values(holding={"neck": "turned"})
+    assert blank_paths(STOCK, POST, CLAMPING, turned, LIMITS) == []
+    check_blank(_setup(Box(np.array([-5.0, -5.0, 119.0]), np.array([5.0, 5.0, 141.5]))), turned)
+
+
+def test_the_stock_is_as_thick_as_the_bar():
+    part = lump()
+    natural = place(part, Job())
+    milled = place(part, Job().with_values(holding={"neck": "milled"}))
+    assert natural.stock.diameter < milled.stock.diameter == np.ceil(natural.stock.diameter)
+
+
+def test_a_milled_neck_has_room_for_the_ball():
+    length = shortest_post(np.zeros(0), 0.0, CLAMPING)
+    assert length == CLAMPING.stub.top + 4.0
+
+
+def _setup(stock):
+    return Setup(lump(), stock, POST, schedule_of(JOB.levels))
+
+
+@pytest.mark.parametrize(
+    ("stock", "values", "why"),
+    [
+        (Box(np.array([-5.0, -5.0, 119.0]), np.array([5.0, 5.0, 141.5])), {}, "a box cannot be milled .*'capsule'"),
+        (STOCK, {"holding": {"stub_length": 0.0, "stub_diameter": 0.0}}, r"no bar to mill it from.*stub_length"),
+        (STOCK, {"holding": {"tailstock": "pin"}}, "bracket of a tailstock"),
+        (STOCK, {"finishing": {"radius": 3.0}}, r"holding\.length = 121 or more"),
+    ],
+)
+def test_what_cannot_be_milled_is_refused_before_planning(stock, values, why):
+    with pytest.raises(JobError, match=why):
+        check_blank(_setup(stock), JOB.with_values(**values))
+
+
+def test_a_cutter_that_does_not_get_round_is_told_with_the_remedy():
+    blunt = JOB.with_values(roughing={"overhang": 7.0, "flute_length": 6.0})
+    with pytest.raises(OrientationError, match=r'holding\.neck = "turned"'):
+        blank_paths(STOCK, POST, CLAMPING, blunt, LIMITS)
+
+
+@pytest.mark.whole
+def test_a_part_comes_out_of_a_sawn_bar(tmp_path):
+    result = bonecam.convert(
+        mesh_of(pebble(), around=40, along=50), Job().with_values(holding={"neck": "milled"}), program=tmp_path / "p.h"
+    )
+    text = (tmp_path / "p.h").read_text()
+    assert "MILLED FIRST FROM A PLAIN BAR" in text
+    assert "TURNED" not in text
+    assert result.report["removal"]["levels"][0]["index"] == BLANK
+    assert result.report["removal"]["left"]["gouge_max_mm"] <= 0.01
