@@ -40,6 +40,8 @@ ROWS = 5
 """A mesh has a ring for so many of them: the largest."""
 LEANS = tuple(np.radians([20.0, 30.0, 10.0, 45.0]))
 """Angles of the tool from the plane across the bar that are tried, radians."""
+MOST_TURN = np.radians(15.0)
+"""The axis turns by no more from one point to the next, radians: half of what a cut may turn it."""
 NEAREST = 0.1
 """The ball's centre comes no nearer to the Z axis, mm: the ball reaches over it."""
 OFF = 0.02
@@ -101,11 +103,11 @@ class Profile:
 
 
 def stock_profile(stock: Stock, neck: float, foot: float, heights: Float[ndarray, " k"]) -> Profile:
-    """What stays: the stock, and below its middle down to the `foot` a neck of this radius."""
+    """What stays: the stock, and below its middle down to the `foot` a neck of this radius; OFF mm larger."""
     low, high = np.zeros(len(heights)), np.full(len(heights), stock.diameter)
 
     def inside(radii: Float[ndarray, " k"]) -> Bool[ndarray, " k"]:
-        return stock.signed_distance(np.column_stack([radii, 0 * radii, heights])) < 0
+        return stock.signed_distance(np.column_stack([radii, 0 * radii, heights])) < OFF
 
     for _ in range(40):
         middle = (low + high) / 2
@@ -113,7 +115,7 @@ def stock_profile(stock: Stock, neck: float, foot: float, heights: Float[ndarray
         low, high = np.where(within, middle, low), np.where(within, high, middle)
     radii = np.where(low > 0, low, -1.0)
     below = (heights >= foot) & (heights < stock.middle[2])
-    return Profile(heights, np.where(below, np.maximum(radii, neck), radii))
+    return Profile(heights, np.where(below, np.maximum(radii, neck + OFF), radii))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +189,7 @@ def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: 
     material = Profile(heights, np.where(heights <= bar.top, bar.radius, -1.0))
     paths: list[ToolPath] = []
     for cutter in parting_cutters(job, limits.bodies):
-        final = np.maximum(stays.around(cutter.radius) + OFF, NEAREST)
+        final = np.maximum(stays.around(cutter.radius), NEAREST)
         lathe = Lathe(cutter, final, stub.top + cutter.radius, blank_depth(cutter) - CUSP)
         for stretches in lathe.layers(material):
             after = material
@@ -208,7 +210,7 @@ def _contacts(
     parts = []
     for index, (away, at) in enumerate(stretches):
         half = np.arccos(1 - job.path.chord_tolerance / float(away.max()))
-        turn = min(2 * half, job.path.max_step / float(away.max()))
+        turn = min(2 * half, job.path.max_step / float(away.max()), MOST_TURN)
         angle, radii, z = helix(away, at, flat_step(cutter.radius, CUSP), turn)
         # The normal of what stays where the ball touches it, else away from the axis
         final = np.interp(z, stays.heights, lathe.final)
