@@ -469,7 +469,7 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
         low, high = stock.bounds[:, 2].tolist()
         sizes = ", ".join(f"{name} {size:.2f}" for name, size in stock.sizes.items())
         shape = kind_of(job.stock).shape
-        sawn = bar_of(stock, stub, job.holding) if stub else None
+        sawn = bar_of(stock, job.holding)
         if sawn is not None:
             shape = f"milled first from a plain bar of diameter {2 * sawn.radius:.2f} mm, sawn, its end at Z "
             shape += f"{sawn.top:.2f} at most"

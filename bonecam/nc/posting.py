@@ -64,7 +64,6 @@ from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.path import MoveKind, ToolPath
-from bonecam.workholding.clamping import holding_columns
 
 EXACT_STOP = ControlRule(look_ahead=0)
 """Between two runs every block ends at rest."""
@@ -198,8 +197,7 @@ def write_program(
         before = posted[-1].moves.angles[-1] if posted else None
         posted.append(post_path(path, machine, dialect, job, around, before=before))
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds.copy()
-    stub = holding_columns(job.holding).get("stub")
-    bar = bar_of(stock, stub, job.holding) if stock is not None and stub is not None else None
+    bar = bar_of(stock, job.holding) if stock is not None else None
     bounds[1, 2] = bar.top if bar else bounds[1, 2]
     texts = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
