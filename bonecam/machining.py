@@ -68,7 +68,7 @@ from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.surface.files.surface_input import read_part
 from bonecam.surface.growth import Fit
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import BLANK, PARTING, MoveKind, ToolPath
+from bonecam.tool.path import BESIDE, MoveKind, ToolPath
 from bonecam.verify.findings import GivenSurface, Removal, given_surface
 from bonecam.verify.gouge import Distances
 from bonecam.verify.proof import Verification, verify
@@ -232,7 +232,7 @@ def _wanted(path: ToolPath, ratios: Float[ndarray, " n"], job: Job) -> ToolPath:
     steps = _stepped(np.clip(feeds * least, low, high), feed)
     # what an axis or evenness has lowered to between two steps stays
     stepped = np.where(least < 1, np.minimum(steps, feeds), np.maximum(steps, feeds))
-    changed = goes_on & (path.level not in (BLANK, PARTING))
+    changed = goes_on & (path.level not in BESIDE)
     return replace(path, feed_rates=np.where(changed, np.clip(stepped, low, high), feeds))
 
 
@@ -260,7 +260,7 @@ def _loads(removal: Removal, tool: int) -> list[PathLoads]:
     """The loads of the paths of a cutter, but of those that part."""
     assert removal.mechanics is not None
     both = zip(removal.mechanics.paths, removal.levels, strict=True)
-    return [path for path, level in both if level.tool == tool and path.index not in (BLANK, PARTING)]
+    return [path for path, level in both if level.tool == tool and path.index not in BESIDE]
 
 
 class ProvedProgram(NamedTuple):

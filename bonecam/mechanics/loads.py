@@ -53,7 +53,7 @@ from bonecam.mechanics.edges import (
 )
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import BLANK, PARTING
+from bonecam.tool.path import BESIDE, PARTING
 from bonecam.workholding.clamping import Clamping
 from bonecam.workholding.post import Column, Post
 from bonecam.workholding.shell import held_below
@@ -407,7 +407,7 @@ def feed_schedule(paths: Sequence[PathLoads], tools: Sequence[int], moves: int) 
     ratios = np.full(moves, np.inf)
     targets = {}
     for tool in sorted(set(tools)):
-        own = [path for path, by in zip(paths, tools, strict=True) if by == tool and path.index not in (BLANK, PARTING)]
+        own = [path for path, by in zip(paths, tools, strict=True) if by == tool and path.index not in BESIDE]
         own = [path for path in own if len(path.moves)]
         if not own:
             continue

@@ -164,7 +164,9 @@ def check_blank(setup: Setup, job: Job) -> None:
         return
     holding, stock = job.holding, setup.stock
     what = ""
-    if not isinstance(stock, Capsule):
+    if job.path.strategy != "morph":
+        what = f"the strategy {job.path.strategy!r} does not mill the blank: give path.strategy = 'morph'"
+    elif not isinstance(stock, Capsule):
         what = f"a {stock.kind} cannot be milled from the bar: give stock.kind = 'capsule'"
     elif not holding.stub_length:
         what = "there is no bar to mill it from: give holding.stub_length, or nothing of the holding"

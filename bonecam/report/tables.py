@@ -38,10 +38,7 @@ from bonecam.errors import FileError
 from bonecam.nc.motions import line_error
 from bonecam.runtime.staging import NAME_BYTES
 from bonecam.setup.stock import stock_text
-from bonecam.tool.path import BLANK, PARTING, MoveKind, ToolPath
-
-NAMES = {PARTING: "PARTING", BLANK: "BLANK"}
-"""What an APT file calls paths that are on no level."""
+from bonecam.tool.path import BESIDE, MoveKind, ToolPath
 
 
 def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
@@ -49,7 +46,7 @@ def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
     lines = [f"PARTNO/{name}", "UNITS/MM", "MULTAX/ON"]
     tool = None
     for path in paths:
-        lines.append(f"PPRINT/{NAMES.get(path.level, f'LEVEL {path.level}')}")
+        lines.append(f"PPRINT/{BESIDE.get(path.level, f'level {path.level}').upper()}")
         if path.cutter.number != tool:
             tool = path.cutter.number
             lines += [f"LOADTL/{tool}", f"CUTTER/{2 * path.cutter.radius:.6f},{path.cutter.corner:.6f}"]
@@ -177,7 +174,9 @@ class _Reader:
             # Take what is said of the moves that follow; any other text is passed over
             match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING|BLANK", values)
             if match:
-                self.level = int(match[1]) if match[1] else {name: level for level, name in NAMES.items()}[values]
+                self.level = (
+                    int(match[1]) if match[1] else {name.upper(): level for level, name in BESIDE.items()}[values]
+                )
             elif values in ("LINK", "CUT"):
                 self.link = values == "LINK"
         elif word == "UNITS":

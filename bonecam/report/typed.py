@@ -21,7 +21,7 @@ from bonecam.report.stage_reports import levels_report, nc_report, parting_repor
 from bonecam.setup.stock import Stock, stock_figures
 from bonecam.surface.fitting import distance_both_ways
 from bonecam.surface.growth import Fit
-from bonecam.tool.path import BLANK, PARTING, ToolPath
+from bonecam.tool.path import BESIDE, ToolPath
 from bonecam.verify.proof import Verification
 from bonecam.workholding.clamping import holding_columns
 from bonecam.workholding.post import Post, footprint
@@ -578,7 +578,7 @@ def report_to_program(
 ) -> dict[str, Any]:
     """The sections of tool paths, of the parting groove of the `part` if there is one, and of the program; `file` is
     the program's, None where none is written."""
-    on_levels = [path for path in paths if path.level not in (BLANK, PARTING)]
+    on_levels = [path for path in paths if path.level not in BESIDE]
     reported = toolpath_report(on_levels, float(np.radians(job.least_lead_deg)))
     posted = {"file": Path(file or "").name, **nc_report(program, proof)}
     return {"toolpath": reported, **parting_report(paths, part), "nc": posted}

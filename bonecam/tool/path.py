@@ -18,6 +18,8 @@ BLANK = -2
 """The level of the paths that mill the stock from the bar, before all others; their `rest` counts from 1."""
 PARTING = -1
 """The level of the paths that part the finished part from its post, after level 0; their `rest` counts from 1."""
+BESIDE = {PARTING: "parting", BLANK: "blank"}
+"""What a program calls the paths that are on no level."""
 
 
 class MoveKind(IntEnum):
@@ -161,8 +163,6 @@ class ToolPath:
     @property
     def title(self) -> str:
         """What a program calls it: level 3, level 3 rest 1, parting 1 or blank 1."""
-        if self.level == PARTING:
-            return f"parting {self.rest}"
-        if self.level == BLANK:
-            return f"blank {self.rest}"
+        if self.level in BESIDE:
+            return f"{BESIDE[self.level]} {self.rest}"
         return f"level {self.level} rest {self.rest}" if self.rest else f"level {self.level}"

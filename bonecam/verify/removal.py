@@ -40,7 +40,7 @@ from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.surface.tspline import TSpline
 from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import BLANK, PARTING
+from bonecam.tool.path import BESIDE, BLANK, PARTING
 from bonecam.verify.clearances import NEAR, body_clearance, shell_clearance, table_clearance
 from bonecam.verify.clearances import TOUCHING as BODIES_NEAR
 from bonecam.verify.findings import (
@@ -134,7 +134,7 @@ def check_removal(
         )
     for level in removal.levels if limited else ():
         if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:
-            name = {PARTING: "the parting", BLANK: "the blank"}.get(level.index or 0, f"level {level.index}")
+            name = f"the {BESIDE[level.index]}" if level.index in BESIDE else f"level {level.index}"
             _refuse(
                 level.deepest,
                 f"a cut of {name} is {level.deepest.value:.3f} mm deep, {level.over_limit:.3f} over its "

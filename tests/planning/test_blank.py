@@ -125,6 +125,12 @@ def _setup(stock):
     [
         (Box(np.array([-5.0, -5.0, 119.0]), np.array([5.0, 5.0, 141.5])), {}, "a box cannot be milled .*'capsule'"),
         (STOCK, {"holding": {"stub_length": 0.0, "stub_diameter": 0.0}}, r"no bar to mill it from.*stub_length"),
+        pytest.param(
+            STOCK,
+            {"path": {"strategy": "rotary"}},
+            "'rotary' does not mill the blank.*'morph'",
+            marks=pytest.mark.plugged,
+        ),
         (STOCK, {"holding": {"tailstock": "pin"}}, "bracket of a tailstock"),
         (STOCK, {"finishing": {"radius": 3.0}}, r"holding\.length = 121 or more"),
     ],
