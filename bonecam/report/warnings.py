@@ -1,7 +1,7 @@
 """What must not be quiet in a run: its warnings, each with a code, a figure, its limits and a remedy; and what a
 summary tells of cutters, of what holds the part, and of force and bending.
 
-Warnings stand in `warnings` of the report, and first in the summary, on the page and on the sheet; what is known
+Warnings stand in `warnings` of the report, below the summary's verdict, on the page and on the sheet; what is known
 before the text is posted stands in the program's header. The section [warnings] of the job has the limits: above the
 first a figure is told, above the second the job is refused.
 """
@@ -157,7 +157,7 @@ def warning_texts(warnings: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def warning_lines(warnings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """`warnings` of a report as the first lines of a summary."""
+    """`warnings` of a report as lines of a summary."""
     for text in warning_texts(warnings):
         yield from textwrap.wrap(text, WIDTH, initial_indent="warning   ", subsequent_indent=" " * 10)
 

@@ -160,7 +160,7 @@ def test_a_wide_face_that_is_missing_alone_is_put_back_without_a_warning():
         assert bool(list(repair_warnings(width, 0.0, bonecam.Job()))) is told
 
 
-def test_warnings_stand_first_in_report_summary_page_and_sheet(small_run):
+def test_warnings_stand_first_in_report_page_and_sheet_and_below_the_verdict(small_run):
     made, folder = small_run
     assert next(iter(made.report)) == "warnings"
     kept = json.loads((folder / "keep" / "report.json").read_text(encoding="utf-8"))["warnings"]
