@@ -38,6 +38,7 @@ from bonecam.nc import read_dialect, read_program
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import job_dialect
 from bonecam.report import Report
+from bonecam.report.summary import MOST_LINES
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.simulation import simulation_report, simulation_text
 from bonecam.surface import Deviation, Fit, TSpline, fit, part_surface
@@ -137,7 +138,6 @@ def test_what_was_expected_before_planning_comes_about_within_half(chain):
     )
     for told, came in pairs:
         assert 1 / 1.5 < told / came < 1.5
-    assert f"{expected['blocks']} blocks (came to {report['nc']['blocks']})" in chain[0].summary
 
 
 def test_only_contacts_left_uncut_are_blocked(chain):
@@ -171,6 +171,7 @@ def test_what_bends_is_told_and_shown(chain):
     shown = read_mesh(folder / "keep" / "error.ply")
     assert len(shown.vertices) == len(result.removal.mechanics.error.errors)
     assert f"error kept {error['median']:.1f} um, {error['p95']:.1f} at 95 %" in result.summary
+    assert len(result.summary.splitlines()) <= MOST_LINES
     assert "times by author" in result.sheet
 
 

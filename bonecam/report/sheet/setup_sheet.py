@@ -33,7 +33,7 @@ from bonecam.nc.requirements import machine_and_dialect
 from bonecam.planning.stump import Groove
 from bonecam.report.pictures import outline
 from bonecam.report.stage_reports import parting_text
-from bonecam.report.summary import certified_text, uncut_lines
+from bonecam.report.summary import certified_text, left_text, uncut_lines
 from bonecam.report.warnings import bending_text, warning_texts
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
@@ -393,9 +393,8 @@ def left_lines(report: Mapping[str, Any], body: str, *, post: bool = False) -> I
     reasons."""
     left = report["removal"].get("left")
     if left:
-        most = f"{left['max_mm']:.2f} mm at most"
         at_post = f"; at the post {left['by_reason']['post']:.1f} mm²" if post else ""
-        yield f"On the {body} {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}{at_post}"
+        yield f"On the {body} {left_text(left).replace('mm2', 'mm²')}{at_post}"
     for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
         yield f"Uncut: {line}"
 
