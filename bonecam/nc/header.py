@@ -582,26 +582,18 @@ def asked_material(job: Job) -> Material | None:
 
 
 def _shapes(cutter: Cutter) -> list[str]:
-    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle. Of a bull
-    nose or flat end first what a tool table with corners must have: texts of dialects speak of balls."""
+    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle."""
     reported = []
     for section in cutter.profile:
         end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
         if section.name != "spindle":
             reported.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
-    table = f"a {cutter.end_name}: R {cutter.radius:.4f}, corner R2 {cutter.corner:.4f} in the tool table, no ball"
-    shapes = [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
-    return [table, *shapes] if cutter.is_bull else shapes
+    return [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
 
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
     """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
-    kind, sizes = "BALL", f"RADIUS {cutter.radius:.4f}"
-    if cutter.is_bull:
-        kind = "BULL" if cutter.corner else "FLAT"
-        sizes += f" CORNER {cutter.corner:.4f}" if cutter.corner else ""
-        sizes += f" LEAD {math.degrees(cutter.lead):.4f}"
-    return f"TOOL {cutter.number} {kind} {sizes} LENGTH {tool_length:.4f}"
+    return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
 
 
 def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) -> list[str]:

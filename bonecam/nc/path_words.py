@@ -286,7 +286,7 @@ def post_path(
     """
     cutter = path.cutter
     # the tool is as long as overhang and holder together
-    control = Control(machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height)
+    control = Control(machine, dialect.tool_centre, cutter.radius, cutter.length, cutter.radius)
     # half of the chord tolerance, but no more than gouges allow
     tolerance = min(job.path.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.path.gouge_tolerance))
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there

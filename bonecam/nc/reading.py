@@ -373,9 +373,7 @@ def _motions(state: ModalState, line: int) -> Motions:
     if not state.ended:
         raise line_error(line, "the program has no end: its last blocks are missing")
     controls = {
-        tool.number: Control(
-            state.machine, state.dialect.tool_centre, tool.envelope.radius, tool.length, tool.envelope.height
-        )
+        tool.number: Control(state.machine, state.dialect.tool_centre, tool.radius, tool.length, tool.radius)
         for tool in state.tools.values()
     }
     table = state.table

@@ -116,8 +116,8 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
         if len(shares) and least > 0:
             filled = least / before.limit * len(shares) - np.arange(len(shares))
             cut = float(1.0 - np.clip(filled, 0.0, 1.0) @ shares)
-        areas, curvatures = _offset(level.mesh, cutter.envelope_radius)
-        passes = cut * areas / float(side_step(cutter.envelope_radius, cutter.scallop, np.zeros(1))[0])
+        areas, curvatures = _offset(level.mesh, cutter.radius)
+        passes = cut * areas / float(side_step(cutter.radius, cutter.scallop, np.zeros(1))[0])
         steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
         length += float(passes.sum())
         minutes += float(passes.sum()) / cutter.feed

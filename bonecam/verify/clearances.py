@@ -56,14 +56,9 @@ def table_clearance(pieces: Pieces, cutter: Cutter, clamping: Clamping, within: 
     columns = np.array([replace(one, bottom=max(one.bottom, DEEPEST)).row for one in clamping.kept_off])
 
     def measure(some: slice) -> tuple[float, int, str, int]:
-        part = Pieces._make([*(column[some] for column in pieces[:-1]), pieces.body])
+        part = Pieces._make(column[some] for column in pieces)
         least, where, section, touched = fixed_clearance(
-            part,
-            sections,
-            radius=cutter.envelope_radius,
-            columns=columns.reshape(-1, 5),
-            closed=clamping.closed,
-            within=within,
+            part, sections, radius=cutter.radius, columns=columns.reshape(-1, 5), closed=clamping.closed, within=within
         )
         move = int(part.moves[where]) if where >= 0 else -1
         return (least, move, names[section] if where >= 0 else "", int(part.moves[touched]) if touched >= 0 else -1)

@@ -381,7 +381,6 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
         meant = cutters[number]
         for name, value, wanted in (
             ("radius", reported.radius, meant.radius),
-            ("corner radius", reported.arc, meant.corner),
             ("length", reported.length, meant.length),
         ):
             if abs(value - wanted) > SAME_SIZE:

@@ -341,7 +341,7 @@ def _tool_row(cutter: Cutter, minutes: float) -> str:
     return _cells(
         [
             f"T{cutter.number} {cutter.name}",
-            f"{cutter.radius:g}" + (f", corner {cutter.corner:g}" if cutter.is_bull else ""),
+            f"{cutter.radius:g}",
             f"{cutter.flute_length:g}",
             f"{neck}{cutter.shank_diameter:g}",
             f"{cutter.overhang:g}",
