@@ -143,6 +143,11 @@ def described_tool(text: str, line: int) -> Tool | None:
     return Tool(int(match[1]), float(match[2]), float(match[3]), line) if match else None
 
 
+ZERO_COMMENT = re.compile(rf"\s*ZERO HEIGHT {SIZE} OVER .*")
+"""The comment of the header that tells how high the program's zero is over that of the part's frame, mm; without it
+they are the same."""
+
+
 def tool_number(text: str, line: int) -> int:
     """The number of a tool call; ProgramError where it is none."""
     if not re.fullmatch(WHOLE, text):
@@ -446,6 +451,7 @@ class ModalState:
         self.position: list[float | None] = [None] * unknown + [0.0] * (5 - unknown)
         self.tool = self.selected = self.length_of = 0
         self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.effect_of.values())
+        self.zero_height = 0.0
         self.tool_centre = False
         self.stated = Stated(dialect)
         self.endless = EndlessAxes(dialect)
@@ -465,9 +471,14 @@ class ModalState:
         self.full_moves = [full_move(dialect, machine, short_way) for short_way in (False, True)]
 
     def read_comment(self, text: str, line: int) -> None:
-        """Take the tool that a comment of the header describes, unless the caller has given the tools; or the mark
-        of links or cuts."""
+        """Take the tool that a comment of the header describes, unless the caller has given the tools; the height of
+        the program's zero; or the mark of links or cuts."""
         self.linking = MARKS.get(text.strip(), self.linking)
+        zero = ZERO_COMMENT.fullmatch(text)
+        if zero is not None:
+            if self.blocks or self.zero_height:
+                raise line_error(line, "the height of the program's zero stands twice, or behind a move")
+            self.zero_height = float(zero[1])
         tool = described_tool(text, line)
         if tool is not None and not self.given:
             if tool.number in self.tools:
@@ -592,9 +603,10 @@ class ModalState:
         joints = [np.nan] * 3 + [np.nan if angle is None else angle for angle in self.position[3:]]
         if self.tool_centre:
             return tuple(joints)
-        zero = self.machine.part_zero if self.dialect.tool_centre else (0.0, 0.0, 0.0)
+        zero = self.machine.in_machine(np.array([[0.0, 0.0, self.zero_height]]))[0]
+        zero = zero + self.machine.part_zero if self.dialect.tool_centre else zero
         for column, letter in enumerate("XYZ"):
-            joints[column] = words.get(letter, np.nan) + zero[column]
+            joints[column] = words.get(letter, np.nan) + float(zero[column])
         joints[2] += self.tools[self.tool].length
         return tuple(joints)
 

@@ -373,7 +373,9 @@ def _motions(state: ModalState, line: int) -> Motions:
     if not state.ended:
         raise line_error(line, "the program has no end: its last blocks are missing")
     controls = {
-        tool.number: Control(state.machine, state.dialect.tool_centre, tool.radius, tool.length, tool.radius)
+        tool.number: Control(
+            state.machine, state.dialect.tool_centre, tool.radius, tool.length, tool.radius, state.zero_height
+        )
         for tool in state.tools.values()
     }
     table = state.table

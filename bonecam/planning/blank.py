@@ -31,7 +31,7 @@ from bonecam.setup.placement import Setup
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import BLANK, ContactPath, ToolPath
-from bonecam.workholding.clamping import STUB_CLEARANCE, Clamping
+from bonecam.workholding.clamping import STUB_CLEARANCE, Clamping, holding_columns
 from bonecam.workholding.post import Column, Post
 
 STEP = 0.02
@@ -62,10 +62,11 @@ def blank_depth(cutter: Cutter) -> float:
     return DEPTH_SHARE * cutter.radius
 
 
-def bar_of(stock: Stock, stub: Column, holding: HoldingJob) -> Column | None:
-    """The bar that a stock is milled from: as thick as the `stub`, from the foot of that to its sawn end; None where
-    the stock is turned before."""
-    return replace(stub, top=float(stock.bounds[1, 2]) + holding.bar_end) if holding.neck == MILLED else None
+def bar_of(stock: Stock, holding: HoldingJob) -> Column | None:
+    """The bar that a stock is milled from: as thick as the stub, from the foot of that to its sawn end; None where the
+    stock is turned before."""
+    stub = holding_columns(holding).get("stub") if holding.neck == MILLED else None
+    return replace(stub, top=float(stock.bounds[1, 2]) + holding.bar_end) if stub else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +181,7 @@ def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: 
     """The paths that mill stock and neck from the bar; none where they are turned before. OrientationError where no
     cutter gets all round."""
     stub = clamping.stub
-    bar = bar_of(stock, stub, job.holding) if stub else None
+    bar = bar_of(stock, job.holding)
     if stub is None or bar is None:
         return []
     widest = max(job.tool(name).radius for name in ("roughing", "finishing"))

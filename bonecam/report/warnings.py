@@ -164,8 +164,7 @@ def warning_lines(warnings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def header_texts(report: Sections, job: Job, more: Iterable[Warned] = ()) -> list[str]:
     """The warnings that are known before the text is posted, `more` among them, for the program's header."""
-    texts = (f"warning: {warned.text}" for warned in warnings_of(report, job, more))
-    return [line for text in texts for line in textwrap.wrap(text, 96)]
+    return [f"warning: {warned.text}" for warned in warnings_of(report, job, more)]
 
 
 def simulated_text(report: Sections, bending: str) -> str:

@@ -19,7 +19,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, numbered, unit
 from bonecam.kernels.removal import Pieces, fixed_clearance
 from bonecam.machine.control import Control
-from bonecam.machine.kinematics import inverse_linear, link_poses
+from bonecam.machine.kinematics import link_poses
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
@@ -154,11 +154,7 @@ class _Way:
         if link == PART:
             return np.tile(np.eye(3), (len(words), 1, 1)), np.zeros((len(words), 3))
         control = self.control
-        joints = words
-        if control.tool_centre:
-            tips, _ = control.poses(words)
-            joints = inverse_linear(control.machine, tips, words[:, 3:], control.tool_length)
-        return link_poses(control.machine, link, joints, control.tool_length)
+        return link_poses(control.machine, link, control.joints(words), control.tool_length)
 
 
 @dataclass(frozen=True, eq=False)

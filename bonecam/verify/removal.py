@@ -456,7 +456,7 @@ def prove_removal(
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
-        bar=bar_of(stock, clamping.stub, job.holding) if clamping.stub else None,
+        bar=bar_of(stock, job.holding),
         progress=progress,
     )
     removal = with_limits(removal, machine, job)

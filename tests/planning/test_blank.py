@@ -50,7 +50,7 @@ def removal(paths):
     text = write_program(paths, MACHINE, DIALECT, JOB).text
     assert "; BLANK 1\n" in text
     cutters = cutters_of(JOB, MACHINE)
-    bar = bar_of(STOCK, CLAMPING.stub, JOB.holding)
+    bar = bar_of(STOCK, JOB.holding)
     assert bar is not None
     cut = text, MACHINE, DIALECT, STOCK, POST, cutters
     return simulate_removal(*cut, clamping=CLAMPING, bar=bar, accuracy=Accuracy(cell=0.15))

@@ -161,10 +161,11 @@ def _clamping_drawing(
     holding: HoldingJob,
     table: Table,
     zero: ZeroWords,
+    zero_height: float,
     parting: Mapping[str, Any] | None,
 ) -> str:
-    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero,
-    `parting` is that section of the report."""
+    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero
+    at `zero_height` (mm), `parting` is that section of the report."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     held = holding_columns(holding)
     widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
@@ -184,7 +185,7 @@ def _clamping_drawing(
         x, y = paper.at(groove.bridge, groove.middle)
         beside_sizes = paper.at(widest, 0.0)[0] + SIZES
         paper.line(x + 1, y, beside_sizes + 1, y, "extension")
-        paper.text(beside_sizes + 1.6, y + 3.5, f"parting Z {groove.middle:.2f}", "start")
+        paper.text(beside_sizes + 1.6, y + 3.5, f"parting Z {groove.middle - zero_height:.2f}", "start")
 
     for name, column in held.items():
         paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
@@ -196,7 +197,7 @@ def _clamping_drawing(
         paper.path(ends, "part", closed=False)
     paper.axis(high)
     _draw_sizes(paper, stock, post, holding, widest)
-    draw_zero(paper, zero)
+    draw_zero(paper, zero, zero_height)
     return paper.svg("Stock, post, chuck and table from the front")
 
 
@@ -226,7 +227,7 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
     foot = holding.support_height if holding.stub_length else 0.0
     name = "neck" if holding.stub_length else "post"
     paper.height(foot, low, post.radius, right + SIZES, f"{name} {low - foot:.2f}")
-    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"Z {high:.2f}")
+    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"{high:.2f}")
     half = float(np.ptp(stock.bounds[:, 0])) / 2
     name = "\u2300 " if "diameter" in stock.sizes else ""
     depth = f" x {np.ptp(stock.bounds[:, 1]):.2f}" if "depth" in stock.sizes else ""
@@ -239,9 +240,9 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
         paper.text(x - 1.5, y + 3, f"{name} \u2300 {2 * column.radius:g} x {height:g}", "end")
 
 
-def draw_zero(paper: Paper, zero: ZeroWords) -> None:
-    """The program's zero and its words."""
-    x, y = paper.at(0.0, 0.0)
+def draw_zero(paper: Paper, zero: ZeroWords, height: float = 0.0) -> None:
+    """The program's zero at a height (mm) and its words."""
+    x, y = paper.at(0.0, height)
     paper.elements.append(
         f'<g transform="translate({x:.2f} {y:.2f})"><circle r="2" class="zero"/>'
         '<path class="quarter" d="M0 0V-2A2 2 0 0 1 2 0Z M0 0V2A2 2 0 0 1 -2 0Z"/></g>'
@@ -281,11 +282,18 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
         caption="From the front (\u2212Y), sizes in mm. Inside the stock: the part in section Y 0.",
         mounted="Stock, clamping, zero",
         drawing=_clamping_drawing(
-            part.mesh, stock, post, job.holding, table=machine.table, zero=zero, parting=report.get("parting")
+            part.mesh,
+            stock,
+            post,
+            job.holding,
+            table=machine.table,
+            zero=zero,
+            zero_height=program.zero_height,
+            parting=report.get("parting"),
         ),
-        setup=items(setup_texts(job, stock, zero)),
+        setup=items(setup_texts(job, stock, zero, program.zero_height)),
         checks=items(_checks(report)),
-        left=items(_left(report)),
+        left=items(_left(report, program.zero_height)),
         warnings=items([*warning_texts(report["warnings"]), IN_AIR, *speeds]),
     )
 
@@ -399,11 +407,12 @@ def left_lines(report: Mapping[str, Any], body: str, *, post: bool = False) -> I
         yield f"Uncut: {line}"
 
 
-def _left(report: Mapping[str, Any]) -> Iterator[str]:
-    """What is left on the part and of its post."""
+def _left(report: Mapping[str, Any], zero_height: float) -> Iterator[str]:
+    """What is left on the part and of its post; heights as the program has them."""
     yield from left_lines(report, "part", post=True)
     if "parting" in report:
-        yield f"Parting: {parting_text(report['parting'])}"
+        groove = {**report["parting"], "z_mm": report["parting"]["z_mm"] - zero_height}
+        yield f"Parting: {parting_text(groove)}"
     how = "in the second clamping, see its page" if "second" in report else "by hand"
     yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed {how}"
     above = report["post"].get("tailstock")
@@ -435,8 +444,8 @@ def second_article(name: str, clamping: SecondClamping, job: Job, program: Progr
         heading="Setup sheet: second clamping",
         caption="From the front (\u2212Y), sizes in mm: part and shell in section Y 0, and the stump.",
         mounted="Part, shell, clamping, zero",
-        drawing=_second_drawing(clamping, job, machine.table, zero),
-        setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero)),
+        drawing=_second_drawing(clamping, job, machine.table, zero, program.zero_height),
+        setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero, program.zero_height)),
         checks=items(
             [
                 *proof_lines(report),
@@ -463,7 +472,7 @@ WARNINGS = (
 """What the machinist must look at before the start."""
 
 
-def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
+def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords, zero_height: float) -> str:
     """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
     holding, shell, part = job.holding, clamping.shell, clamping.part
     low, high = shell.bounds[:, 2].tolist()
@@ -486,7 +495,7 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
     paper.axis(clamping.top)
     right = paper.scale * widest
     paper.height(low, high, float(shell.bounds[1, 0]), right + 6, f"shell {high - low:.2f}")
-    paper.height(0.0, clamping.top, -post, -right - 6, f"Z {clamping.top:.2f}")
+    paper.height(0.0, clamping.top, -post, -right - 6, f"{clamping.top:.2f}")
     if low:
         paper.height(0.0, low, float(shell.bounds[1, 0]), right + 6, f"{low:.2f}")
     paper.width(post, clamping.top, f"stump \u2300 {holding.diameter:g}", above=1.5)
@@ -494,5 +503,5 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
         x, y = paper.at(-holding.chuck_diameter / 2, holding.chuck_height)
         size = f"chuck \u2300 {holding.chuck_diameter:g} x {holding.chuck_height:g}"
         paper.text(x - 1.5, y + 3, size, "end")
-    draw_zero(paper, zero)
+    draw_zero(paper, zero, zero_height)
     return paper.svg("Part, shell, stump, chuck and table of the second clamping from the front")
