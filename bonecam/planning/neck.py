@@ -74,6 +74,7 @@ from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.post_length import (
     STOCK_CHORD,
     find_post_length,
+    least_neck,
     level_lifts,
     parting_lift,
     sampled_lifts,
@@ -430,7 +431,8 @@ def neck_diameters(width: float, job: Job) -> list[float]:
 def shortest_neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) -> Neck:
     """The neck of a job's diameter, of the least length that it may have, and how it holds the part of a setup."""
     holding = job.holding
-    least = holding.length or shortest_post(np.zeros(0), 0.0, clamping_of(holding, limits.bodies.table))
+    clamping = clamping_of(holding, limits.bodies.table)
+    least = holding.length or shortest_post(np.zeros(0), 0.0, clamping, least_neck(job))
     return _neck(setup, replace(job, holding=replace(holding, length=least)), limits, layers)
 
 
@@ -458,7 +460,7 @@ def _neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) ->
             level_lifts(setup, job, limits.bodies),
             parting_lift(setup, job, limits),
         ]
-        top = shortest_post(lifts, height, clamping_of(job.holding, limits.bodies.table))
+        top = shortest_post(lifts, height, clamping_of(job.holding, limits.bodies.table), least_neck(job))
     standing = replace(job, holding=replace(job.holding, length=top))
     return neck_figures(setup.lift(top - height), standing, limits, layers)
 

@@ -31,7 +31,7 @@ from scipy.sparse.csgraph import connected_components
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import HoldingJob, Job, field_error
-from bonecam.job.holding_section import NO_TAILSTOCK
+from bonecam.job.holding_section import MILLED, NO_TAILSTOCK
 from bonecam.kernels.distances import highest_over
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
@@ -46,7 +46,7 @@ from bonecam.setup.capsule import enclosing_capsule
 from bonecam.setup.placement import Setup
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.workholding.clamping import Clamping, clamping_of
+from bonecam.workholding.clamping import LEAST_NECK, Clamping, clamping_of
 from bonecam.workholding.post import bracket, in_collet, refuse_tailstock, thickest_below
 
 SLICE = 4.0
@@ -128,7 +128,7 @@ def find_post_length(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Set
         sampled_lifts(setup, job, limits), level_lifts(setup, job, limits.bodies), parting_lift(setup, job, limits)
     ]
     height = float(setup.stock.bounds[0, 2])
-    length = shortest_post(lifts, height, clamping)
+    length = shortest_post(lifts, height, clamping, least_neck(job))
     return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
 
 
@@ -168,12 +168,19 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
     return float(min(lifts))
 
 
-def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping) -> float:
+def least_neck(job: Job) -> float:
+    """The least length (mm) of a neck on a stub: room for a turning tool, or for the finer ball that mills it."""
+    if job.holding.neck != MILLED:
+        return LEAST_NECK
+    return max(LEAST_NECK, 2 * min(job.roughing.radius, job.finishing.radius))
+
+
+def shortest_post(lifts: Float[ndarray, " n"], height: float, clamping: Clamping, neck: float = LEAST_NECK) -> float:
     """The length, in whole mm, of a post by which all contacts are reached that can be; `lifts` (mm) are those of
-    contacts on a part whose lowest point is at the `height`."""
+    contacts on a part whose lowest point is at the `height`, `neck` (mm) is the least that it stands over a stub."""
     standing = max((column.top for column in clamping.columns), default=0.0) + clamping.clearance
     if clamping.stub is not None:
-        standing = max(standing, clamping.stub.top + clamping.least_neck)
+        standing = max(standing, clamping.stub.top + neck)
     if (lifts == np.inf).any() and not np.isfinite(lifts).any():
         what = "[holding] length = 0: no contact has a free tool axis, however long the post is"
         raise OrientationError(f"{what}: take a longer overhang or a slimmer holder")
@@ -304,8 +311,9 @@ def what_would_help(setup: Setup, job: Job, limits: MachineLimits) -> dict[str, 
     height = float(setup.stock.bounds[0, 2])
     clamping = clamping_of(job.holding, limits.bodies.table)
     remedies: list[dict[str, Any]] = [
-        {"change": change, "length_mm": shortest_post(sampled_lifts(setup, changed, other), height, clamping)}
+        {"change": change, "length_mm": shortest_post(lifts, height, clamping, least_neck(changed))}
         for change, changed, other in _changes(job, limits)
+        for lifts in [sampled_lifts(setup, changed, other)]
     ]
     helpful = sorted((one for one in remedies if one["length_mm"] < length), key=lambda one: one["length_mm"])
 

@@ -10,7 +10,6 @@ from functools import lru_cache
 
 from bonecam.errors import FileError, MachineError, MeshError
 from bonecam.job import HoldingJob
-from bonecam.job.holding_section import MILLED
 from bonecam.machine.bodies import LinkBody, Table
 from bonecam.machine.machine import Machine
 from bonecam.mesh.files.mesh_files import read_whole
@@ -22,8 +21,6 @@ from bonecam.workholding.post import Column, Post, tailstock_bodies
 DEFAULT = HoldingJob()
 LEAST_NECK = 3.0
 """A neck between stub and part is no shorter, mm: a turning tool is to get between them."""
-MILLED_NECK = 4.0
-"""One that is milled is no shorter, mm: a ball of 2 mm is to get between them."""
 STUB_CLEARANCE = 0.5
 """Ball, neck and shank keep so far from the stub, mm: it is of the material that they cut, where holder and spindle
 would break."""
@@ -33,7 +30,7 @@ would break."""
 class Clamping:
     """Upright columns about the Z axis, the `stub` of the bar that they hold, if there is one, and whether nothing may
     go below the table's plane z = 0 (`closed`); the columns of the bracket of a tailstock, which stand `beside` the
-    part and over it; a neck on the stub is `least_neck` (mm) long at least.
+    part and over it.
 
     The whole tool keeps the `clearance` (mm) from the columns; holder and spindle keep it from stub and post too.
     """
@@ -42,7 +39,6 @@ class Clamping:
     closed: bool = True
     clearance: float = DEFAULT.clearance
     stub: Column | None = None
-    least_neck: float = LEAST_NECK
     beside: tuple[Column, ...] = ()
 
     @property
@@ -112,8 +108,7 @@ def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
         plate = math.hypot(table.half_width, table.half_depth)
         columns.append(Column(min(table.radius, plate), 0.0, -math.inf))
     beside = tailstock_bodies(holding)
-    neck = MILLED_NECK if holding.neck == MILLED else LEAST_NECK
-    return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub, neck, beside)
+    return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub, beside)
 
 
 def holding_columns(holding: HoldingJob) -> dict[str, Column]:

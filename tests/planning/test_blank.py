@@ -13,7 +13,7 @@ from bonecam.machine import read_machine
 from bonecam.mesh import Part
 from bonecam.nc import machine_limits, read_dialect, write_program
 from bonecam.planning.blank import bar_of, blank_depth, blank_paths, check_blank
-from bonecam.planning.post_length import shortest_post
+from bonecam.planning.post_length import least_neck, shortest_post
 from bonecam.report import read_apt
 from bonecam.report.tables import apt_text
 from bonecam.setup import Capsule, Setup, schedule_of
@@ -109,8 +109,10 @@ def test_the_stock_is_as_thick_as_the_bar():
 
 
 def test_a_milled_neck_has_room_for_the_ball():
-    length = shortest_post(np.zeros(0), 0.0, CLAMPING)
-    assert length == CLAMPING.stub.top + 4.0
+    assert least_neck(JOB.with_values(holding={"neck": "turned"})) == 3.0
+    assert least_neck(JOB) == 3.0
+    wide = JOB.with_values(roughing={"radius": 3.0}, finishing={"radius": 2.5})
+    assert shortest_post(np.zeros(0), 0.0, CLAMPING, least_neck(wide)) == CLAMPING.stub.top + 5.0
 
 
 def _setup(stock):
