@@ -551,8 +551,11 @@ def touch_texts(job: Job, stock: Stock, zero_height: float) -> list[str]:
     shoulder = [] if stub is None or bar else [f"touch: the shoulder round the neck at {level(stub.top)}"]
     off = job.path.gouge_tolerance
     upper, lower = touch_heights(job, stock)
+    high = bar.top if bar else float(stock.bounds[1, 2])
+    clamped = max((column.top for name, column in holding_columns(job.holding).items() if name != "stub"), default=0.0)
     return [
-        f"touch: the end of the bar at {level(bar.top if bar else float(stock.bounds[1, 2]))}",
+        f"bar: stands out {high - clamped:.2f} mm, its end over what clamps it",
+        f"touch: the end of the bar at {level(high)}",
         *shoulder,
         f"run-out: {2 * off:.3f} mm at most, a dial on the bar at {level(upper)} and {level(lower)}",
         f"run-out: the axis within {off:.3f} mm of X 0 Y 0, the gouge that the job allows",

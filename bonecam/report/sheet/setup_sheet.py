@@ -30,6 +30,7 @@ from bonecam.nc.motions import Motions
 from bonecam.nc.program import Program
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import machine_and_dialect
+from bonecam.planning.blank import bar_of
 from bonecam.planning.stump import Groove
 from bonecam.report.pictures import outline
 from bonecam.report.stage_reports import parting_text
@@ -171,8 +172,11 @@ def _clamping_drawing(
     widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
     beside = tailstock_bodies(holding)
     # the column of a bracket stands beside the paper: header and list tell where
-    paper = Paper(widest, max([high, *(column.top for column in beside)]))
+    bar = bar_of(stock, holding)
+    paper = Paper(widest, max([high, *(column.top for column in (*beside, *([bar] if bar else [])))]))
     draw_table(paper, table)
+    if bar:
+        paper.column(bar.radius, bar.bottom, bar.top, "stock")
 
     # The post, with its parting groove and the height of that, beside the sizes right of what is widest
     top = low + post.radius
@@ -197,6 +201,7 @@ def _clamping_drawing(
         paper.path(ends, "part", closed=False)
     paper.axis(high)
     _draw_sizes(paper, stock, post, holding, widest)
+    _draw_touches(paper, stock, holding, zero_height)
     draw_zero(paper, zero, zero_height)
     return paper.svg("Stock, post, chuck and table from the front")
 
@@ -238,6 +243,20 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
         x, y = paper.at(-column.radius, column.top)
         height = column.top - column.bottom if name == "stub" else column.top
         paper.text(x - 1.5, y + 3, f"{name} \u2300 {2 * column.radius:g} x {height:g}", "end")
+
+
+def _draw_touches(paper: Paper, stock: Stock, holding: HoldingJob, zero_height: float) -> None:
+    """Where a probe touches the end of the bar and the shoulder, with the heights that the program has for them."""
+    bar, stub = bar_of(stock, holding), holding_columns(holding).get("stub")
+    high = bar.top if bar else float(stock.bounds[1, 2])
+    places = [(0.0, high)]
+    if stub is not None and bar is None:
+        places.append(((holding.diameter / 2 + stub.radius) / 2, stub.top))
+    for across, height in places:
+        x, y = paper.at(across, height)
+        paper.elements.append(f'<path class="touch" d="M{x:.2f} {y:.2f}l-1 -2h2Z"/>')
+        words = f"touch Z {round(height - zero_height, 2) + 0.0:.2f}"
+        paper.text(x + 2.5, y - (4.5 if height == high else 0.8), words, "start", "strong")
 
 
 def draw_zero(paper: Paper, zero: ZeroWords, height: float = 0.0) -> None:
@@ -318,6 +337,7 @@ def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], **told
         program=html.escape(nc["file"] or program.name),
         machine=html.escape(machine.title),
         controller=html.escape(program.controller),
+        datum=f"{job.nc.work_offset}: preset row or work offset, 1 is G54",
         minutes=html.escape("; ".join(program.time.texts)),
         tools="\n".join(_tool_row(cutter, minutes) for cutter, minutes in used),
         cutting=html.escape(f"{coolant}; {CHANGES[job.nc.tool_change]}; {feeds}."),
