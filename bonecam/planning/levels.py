@@ -29,13 +29,13 @@ from bonecam.errors import JobError, OrientationError
 from bonecam.job import Job, PathJob, field_error
 from bonecam.levels.measure import Level, MachinedLevel, machined_levels
 from bonecam.machine.limits import MachineLimits
-from bonecam.material.dexels import cut_depths
+from bonecam.material.dexels import cut_depths, uncut_rays
 from bonecam.material.in_process_stock import DEVIATION, InProcessStock, remove_material, uncut_material
 from bonecam.mesh.distance import MeshDistance
 from bonecam.planning.axes.field import SmoothAxes, level_axes
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.axes.tool_axes import added_axes
-from bonecam.planning.blank import blank_paths
+from bonecam.planning.blank import bar_of, blank_paths
 from bonecam.planning.collision import CollisionChecker
 from bonecam.planning.contacts import (
     UNCERTAIN,
@@ -55,6 +55,7 @@ from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
 from bonecam.setup.placement import Setup
 from bonecam.setup.stock import Stock
+from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import Clamping, clamping_of
@@ -209,6 +210,12 @@ def plan_paths(
     planning = _Planning(job, limits, part, *fixture, enclosing_capsule(stock))
     paths = blank_paths(stock, fixture[0], fixture[1], job, limits)
     material = uncut_material(levels, stock)
+    bar = bar_of(stock, job.holding)
+    if bar is not None:  # with its cusps, which links meet
+        rays = uncut_rays(Cylinder(bar.radius, float(stock.bounds[0, 2]), bar.top))
+        for path in paths:
+            rays = rays.after(path)
+        material = replace(material, rays=rays)
     smooth = None
     for level_contacts in _one_ahead(lambda level: planning.contacts(level, cutters[level.index]), machined[::-1]):
         index = level_contacts.candidates.level.index
