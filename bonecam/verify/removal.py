@@ -273,7 +273,9 @@ class _Simulation:
         if surface is not None and group.level is not None:
             after = self._standing(surface, self.sweeping.sets)
             self.standing.append(StockHeights(group.level, self._standing(surface, before), after))
-        self.table = self._nearer(self.table, whole, cutter, self.clamping.below)
+        below = self.clamping.below  # while the blank is milled the bar is one, and what is cut
+        stands = replace(below, stub=None) if group.level == BLANK else below
+        self.table = self._nearer(self.table, whole, cutter, stands)
         if self.clamping.beside:
             self.tailstock = self._nearer(self.tailstock, whole, cutter, self.clamping.above)
         depths = cut_depths(self.sweeping.sets, before, self.grid)

@@ -85,6 +85,7 @@ def test_the_simulation_finds_all_round_the_stock_gone_within_the_depth(removal,
     for level, path in zip(removal.levels, paths, strict=True):
         assert level.deepest.value <= blank_depth(path.cutter) + 0.15 / 2
         assert level.links <= 0.02
+    assert removal.table.least.value > 5.0
     assert removal.rapid_contact is None
     assert not any(part.touched for part in (removal.shank, removal.holder, removal.spindle, removal.table))
 
