@@ -33,7 +33,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.feeds import drivable_paths, fastest_cut
 from bonecam.nc.header import record_checks
 from bonecam.nc.path_words import Posted, machine_limits, post_path
-from bonecam.nc.posting import write_program
+from bonecam.nc.posting import SetupTexts, write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import check_length, check_room
@@ -281,7 +281,8 @@ def post_and_prove(
     given: GivenSurface | None = None,
     name: str = "BONE",
     comments: Sequence[str] = (),
-    setup: Sequence[str] = (),
+    setup: SetupTexts | None = None,
+    touched: float | None = None,
     stock: Stock | None = None,
     times: StageTimes | None = None,
     progress: Progress = silent,
@@ -289,15 +290,24 @@ def post_and_prove(
     """Post the paths as a program of this `name`, read it back, and prove it against the `design`: a surface, or the
     distances to what must not be gouged.
 
-    `given`, `comments`, `setup` and `stock` are those of `verify` and `write_program`, and so are the errors; `times`
-    takes the seconds of the stages nc and verify.
+    `given`, `comments`, `setup`, `touched` and `stock` are those of `verify` and `write_program`, and so are the
+    errors; `times` takes the seconds of the stages nc and verify.
     """
     times = times or StageTimes()
     with times.stage("nc"):
         paths = tuple(drivable_paths(planned, machine, dialect, job))
         share = part(progress, 0.0, 0.5)
         program = write_program(
-            paths, machine, dialect, job, name=name, comments=comments, stock=stock, setup=setup, progress=share
+            paths,
+            machine,
+            dialect,
+            job,
+            name=name,
+            comments=comments,
+            stock=stock,
+            setup=setup,
+            touched=touched,
+            progress=share,
         )
 
     with times.stage("verify"):

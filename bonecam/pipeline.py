@@ -27,7 +27,7 @@ from bonecam.second_clamping import check_simulated, second_program
 from bonecam.setup.placement import with_stock
 from bonecam.setup.stock import Stock, check_sizes
 from bonecam.setup.stocks.mesh import ConvexStock
-from bonecam.tool.cutter import check_depths, check_shapes
+from bonecam.tool.cutter import check_depths
 from bonecam.verify.control import check_posting
 from bonecam.verify.findings import given_surface
 from bonecam.verify.removal import prove_removal
@@ -131,7 +131,6 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     read_tool_list(job.nc.tools)
     check_sizes(job.stock)
     check_parts(job)
-    check_shapes(job, machine)
     check_tools(job, machine)
     check_table(job, machine)
     check_depths(job)

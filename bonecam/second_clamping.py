@@ -24,7 +24,7 @@ from bonecam.mesh.part import with_filled_pits
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.mesh.units import mm_of
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.header import record_simulation, second_setup_texts, zero_words
+from bonecam.nc.header import record_simulation, second_setup_texts
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name, second_program_file
 from bonecam.planning.contacts import at_post
@@ -95,7 +95,8 @@ def second_program(
         MeshDistance(clamping.solids),
         given=given,
         name=program_name(file or "second", dialect),
-        setup=second_setup_texts(job, clamping.shell, clamping.top, zero_words(machine, dialect)),
+        setup=partial(second_setup_texts, job, clamping.shell, clamping.top),
+        touched=float(clamping.shell.bounds[1, 2]),
     )
     posted, solids = proved.program, (clamping.part, clamping.shell)
     cut = posted.text, machine, dialect, job, material, *solids, part(progress, 0.8, 1.0)

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -178,9 +177,13 @@ def simulation_report(removal: Removal, job: Job) -> dict[str, Any]:
 
 def simulation_text(report: Mapping[str, Any]) -> str:
     """The report of a simulation in a few lines."""
-    warning_texts = warning_lines(report["warnings"])
-    lines = warning_texts, into_given(report.get("nc", {}), "proof"), removal_lines(report["removal"])
-    return "\n".join([*chain(*lines), *mechanics_lines(report["mechanics"])])
+    lines = [
+        *warning_lines(report["warnings"]),
+        *(f"cut in    {line}" for line in into_given(report.get("nc", {}))),
+        *removal_lines(report["removal"]),
+        *mechanics_lines(report["mechanics"]),
+    ]
+    return "\n".join(lines)
 
 
 def _simulate_second(

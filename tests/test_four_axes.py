@@ -41,6 +41,6 @@ def test_only_the_ends_of_half_a_phalanx_stay_on_four_axes_with_their_areas(tmp_
     assert at_free_end.any()
     assert left.by_reason["limits"] > 0.5
     assert result.report["uncut_mm2"]["limits"] > 0.5
-    assert "beyond the machine's tool axes" in result.summary
+    assert "beyond the machine's tool axes" in " ".join(result.summary.split())
     axes = np.vstack([path.axes for path in result.paths])
     assert np.abs(axes[:, 2]).max() < 1e-9, "the tool is level in the part's frame"

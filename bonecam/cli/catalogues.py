@@ -83,11 +83,9 @@ def _cutters(lists: Sequence[ToolList], asked: str | None) -> dict[str, tuple[st
 
 def described(tool: ToolJob) -> str:
     """A cutter in a line; mm."""
-    bull = f"bull nose with corners of {tool.corner_radius:g}"
-    end = {"ball": "ball", "bull": bull, "flat": "flat end"}[tool.shape]
     neck = f"neck {tool.neck_diameter:g} up to {tool.neck_length:g}, " if tool.neck_length else ""
     held = f"{tool.overhang:g} out of a holder of {tool.holder_stack[0].diameter:g}"
-    flutes = f"{end} of {2 * tool.radius:g} mm, flutes of {tool.flute_length:g}"
+    flutes = f"ball of {2 * tool.radius:g} mm, flutes of {tool.flute_length:g}"
     return f"{flutes}, {neck}shank {tool.shank_diameter:g}, {held}"
 
 

@@ -138,5 +138,9 @@ class NcJob(JobSection):
         form=park_position,
     )
     part_zero: str = parameter(
-        "table", "Part zero", "The program's zero: on the table under the part.", choices=("table",)
+        "bar",
+        "Part zero",
+        "The program's zero on the axis of the bar: on its end as it is clamped, where a probe reaches (of a second "
+        "clamping the rim of the shell), or on the table under it. Paths alone, without a blank, have it on the table.",
+        choices=("bar", "table"),
     )

@@ -8,8 +8,8 @@ first piece on that is wider than the cutter.
 
 Lists of cutters: the catalogue that ships, and a shop's own as it has it.
 
-A list is a file of another program (`bonecam.job.tool_list`) or a TOML file; lengths are mm. Cutters with a ball, a
-bull nose or a flat end are kept; other tools are left out and counted. What decides about a collision is never guessed:
+A list is a file of another program (`bonecam.job.tool_list`) or a TOML file; lengths are mm. Cutters with a ball
+end are kept; other tools are left out and counted. What decides about a collision is never guessed:
 where a file does not state it (`REQUIRED`), it is asked for. A TOML list completes another file:
 
     from = "tool.tbl"                # beside this file
@@ -54,23 +54,13 @@ FOREIGN = (".json", ".tools", ".fctl", ".fctb", ".tbl", ".csv")
 """How the names of these files end."""
 KEYS = {item.name: item for item in fields(ToolJob) if item.name != "preset"}
 """What a list may state of a cutter, beside its `name`."""
-SHAPES = {
-    **dict.fromkeys(("ball", "ball end mill", "ballend"), "ball"),
-    **dict.fromkeys(("bull", "bull nose end mill", "bullnose", "torus"), "bull"),
-    **dict.fromkeys(("flat", "flat end mill", "endmill"), "flat"),
-}
-"""The ends that are kept, by their names in bonecam, Fusion and FreeCAD."""
+BALLS = ("ball", "ball end mill", "ballend")
+"""The end that is kept, by its names in bonecam, Fusion and FreeCAD."""
 MM = {"mm": 1.0, "millimeters": 1.0, "inch": 25.4, "inches": 25.4, "in": 25.4, '"': 25.4}
 """Millimetres of the units that files name."""
-FUSION = {"DC": "diameter", "LCF": "flute_length", "SFDM": "shank_diameter", "LB": "overhang", "RE": "corner_radius"}
+FUSION = {"DC": "diameter", "LCF": "flute_length", "SFDM": "shank_diameter", "LB": "overhang"}
 """The keys of a tool's `geometry` in Fusion (those of ISO 13399; LB is the length below the holder)."""
-FREECAD = {
-    "Diameter": "diameter",
-    "CuttingEdgeHeight": "flute_length",
-    "ShankDiameter": "shank_diameter",
-    "CornerRadius": "corner_radius",
-    "TorusRadius": "corner_radius",
-}
+FREECAD = {"Diameter": "diameter", "CuttingEdgeHeight": "flute_length", "ShankDiameter": "shank_diameter"}
 """The parameters of a toolbit of FreeCAD. Its `Length` is that of the whole tool: it states no stick-out."""
 QUANTITY = re.compile(r"\s*([0-9.,/]{1,20})\s*([^\s0-9]*)\s*")
 """A length of FreeCAD: number and unit."""
@@ -190,16 +180,14 @@ def _fusion_tool(tool: Mapping[str, Any]) -> Entry:
     shape = str(tool.get("type"))
     entry: Entry = {"shape": shape, "name": str(tool.get("description") or tool.get("product-id") or "")}
     entry |= _whole(posted.get("number"), "number") | _whole(geometry.get("NOF"), "flutes")
-    if shape not in SHAPES or geometry.get("TA"):
-        return entry | {"shape": shape if shape not in SHAPES else f"tapered {shape}"}
+    if shape not in BALLS or geometry.get("TA"):
+        return entry | {"shape": shape if shape not in BALLS else f"tapered {shape}"}
     units = [str(tool.get("unit")), str(held.get("unit", tool.get("unit")))]
     if not MM.keys() >= set(units):
         raise ValueError(f"{called(entry)}: unit = {', '.join(units)}: give millimeters or inches")
     scale, held_scale = (MM[unit] for unit in units)
     sizes = _sizes(geometry, scale)
     entry |= {name: sizes[key] for key, name in FUSION.items() if key in sizes}
-    if SHAPES[shape] != "bull":
-        entry.pop("corner_radius", None)
     shaft = _as_tables(_as_table(tool.get("shaft")).get("segments"))
     entry |= _neck(sizes, [_sizes(piece, scale) for piece in shaft])
     holder = []
@@ -243,7 +231,7 @@ def _toolbit(path: Path, bit: Mapping[str, Any]) -> Entry:
     sizes = _as_table(bit.get("parameter"))
     shape = str(bit.get("shape-type") or Path(str(bit.get("shape")).replace("\\", "/")).stem).lower()
     entry: Entry = {"shape": shape, "name": str(bit.get("name") or path.stem)}
-    if shape in SHAPES:
+    if shape in BALLS:
         entry |= {FREECAD[key]: _quantity(key, value) for key, value in sizes.items() if key in FREECAD}
         flutes = str(sizes.get("Flutes", ""))
         entry |= {"flutes": int(flutes)} if flutes.isdecimal() else {}
@@ -398,10 +386,10 @@ def tool_list(file: str) -> ToolList:
     faults = list[tuple[str, str]]()
     for entry in entries:
         kind = str(entry.get("shape", "without a stated shape"))
-        if kind not in SHAPES:
+        if kind not in BALLS:
             left_out[kind] += 1
             continue
-        entry["shape"] = SHAPES[kind]
+        entry["shape"] = "ball"
         try:
             tool = ToolJob(**{key: value for key, value in entry.items() if key in KEYS})
             fault = _lack(entry, tool) or _misfit(tool)
@@ -420,7 +408,7 @@ def tool_list(file: str) -> ToolList:
         raise JobError(f"{path}: {Faults(faults)}{remedy}", file=str(path))
     if not tools:
         others = ", ".join(f"{count} {kind}" for kind, count in left_out.items()) or "no tool at all"
-        what = f"has no ball, bull nose or flat end ({others})"
+        what = f"has no ball end ({others})"
         raise JobError(f"{path}: {what}: state `shape` {place}, or give another list", file=str(path))
     return ToolList(tuple(tools), left_out, tuple(files))
 
@@ -434,8 +422,6 @@ def _lack(entry: Entry, tool: ToolJob) -> str:
     asked = [key for key in REQUIRED if key != "holder" or not entry.keys() >= HELD - {"holder"}]
     if {"shank_diameter", "radius"} <= entry.keys() and tool.shank_diameter > 2 * tool.radius:
         asked.append("neck_length")
-    if tool.shape == "bull":
-        asked.append("corner_radius")
     lacking = [key for key in asked if entry.get(key) in (None, "")]
     return f"{LACKS}{', '.join(lacking)}" if lacking else ""
 
@@ -443,10 +429,8 @@ def _lack(entry: Entry, tool: ToolJob) -> str:
 def _misfit(tool: ToolJob) -> str:
     """What does not fit in a cutter, with its bound (mm); empty where all does."""
     fault = misfit(tool, tool.holder_stack[0].diameter)
-    if tool.shape == "ball" and tool.flute_length < tool.radius:
+    if tool.flute_length < tool.radius:
         fault = "flute_length", f"give at least the ball's radius ({tool.radius:g} mm)"
-    if tool.shape == "bull" and tool.corner_radius >= tool.radius:
-        fault = "corner_radius", f"give less than the radius ({tool.radius:g} mm)"
     return f"{fault[0]} = {getattr(tool, fault[0]):g}: {fault[1]}" if fault else ""
 
 
@@ -531,8 +515,8 @@ def _check_keys(place: str, table: Mapping[str, Any]) -> None:
         if key not in known:
             what = f"{place}unknown key {shown(key)}{did_you_mean(key, known)}"
             raise ValueError(f"{what}: use one of {', '.join(known)}")
-    if str(table.get("shape", "ball")) not in SHAPES:
-        raise ValueError(f"{place}shape = {shown(table['shape'])}: choose one of ball, bull, flat")
+    if str(table.get("shape", "ball")) not in BALLS:
+        raise ValueError(f"{place}shape = {shown(table['shape'])}: only balls cut: give ball, or leave the tool out")
 
 
 def _complete(entries: list[Entry], values: Entry, source: str) -> None:

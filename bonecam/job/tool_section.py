@@ -31,7 +31,7 @@ def holder_from_text(text: str) -> tuple[Frustum, ...]:
 
 AUTO = "auto"
 """The preset of a cutter that is chosen for the part."""
-SHAPE = frozenset({"shape", "radius", "corner_radius", "flute_length", "shank_diameter"})
+SHAPE = frozenset({"shape", "radius", "flute_length", "shank_diameter"})
 """What states the shape of a cutter of one's own."""
 SIZES = SHAPE | {"neck_diameter", "neck_length", "overhang", "holder", "holder_diameter", "holder_length"}
 """All that is of the cutter and its holder, and not of how it is used."""
@@ -39,8 +39,7 @@ SIZES = SHAPE | {"neck_diameter", "neck_length", "overhang", "holder", "holder_d
 
 @dataclass(frozen=True)
 class ToolJob(JobSection):
-    """One cutter in its holder, from the tip up: ball (or bull nose, or flat end) and flutes, a neck if it has one,
-    shank, holder.
+    """One cutter in its holder, from the tip up: ball and flutes, a neck if it has one, shank, holder.
 
     `holder` may also be given as a list of [length, diameter] or [length, diameter, upper diameter] (mm).
     """
@@ -68,26 +67,8 @@ class ToolJob(JobSection):
         0,
         20,
     )
-    shape: str = parameter(
-        "ball",
-        "Shape",
-        "End of the cutter: ball, bull (a bull nose, flat with round corners) or flat (with sharp ones); roughing may "
-        "have any, the others are balls.",
-        choices=("ball", "bull", "flat"),
-    )
-    radius: float = millimetres(
-        2.0, "Radius", "Radius of the ball; of a bull nose or flat end half of its diameter.", 0.05, 50.0
-    )
-    corner_radius: float = millimetres(0.5, "Corner radius", "Radius of the corner of a bull nose.", 0.2, 50.0)
-    lead_deg: float = parameter(
-        30.0,
-        "Lead",
-        "Angle by which a bull nose or flat end leans forward, along the feed, so that its bottom does not cut; a ball "
-        "leans by path.lead_deg. Less lets passes lie farther apart, and keeps the cutter out of more hollows.",
-        3.0,
-        80.0,
-        unit="deg",
-    )
+    shape: str = parameter("ball", "Shape", "End of the cutter: only balls cut.", choices=("ball",))
+    radius: float = millimetres(2.0, "Radius", "Radius of the ball.", 0.05, 50.0)
     flute_length: float = millimetres(8.0, "Flute length", "From the tip to the end of the cutting edge.", 0.1, 300.0)
     shank_diameter: float = millimetres(4.0, "Shank diameter", "Diameter of the shank above the flutes.", 0.1, 100.0)
     neck_diameter: float = millimetres(

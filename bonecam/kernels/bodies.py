@@ -1,12 +1,6 @@
 """What the bodies of a tool take out of the material of one set of rays, and how far they stay from it; compiled.
 
-Flutes above a ball stand in steps along a move. The convex body of a bull nose is what lies in all of its cones
-(`Cutter.body`): with h along the axis from the ball's centre and r from the axis, sin(phi) r - cos(phi) h <= s. On the
-line p + t n, n being unit, h = h0 + h' t, and a cone is
-
-    sin^2 (|p + t n|^2 - h^2) <= (s + cos h)^2,    s + cos h >= 0,
-
-a quadratic in t whose solutions on one side of the apex are one interval, or a half line.
+Flutes above a ball stand in steps along a move.
 
 Of a cone of the tool and an upright cylinder about the Z axis two points, one on either body, are projected onto the
 other body in turn, from the common perpendicular of the axes on; the plane between them bounds the distance from below.
@@ -24,40 +18,31 @@ from bonecam.kernels.rays import (
     ALONG_V,
     TILE,
     TINY,
-    ProbesByCell,
     RaySet,
     air_on_set,
-    cells_near,
     cut_capsule,
-    cut_tile,
     cylinder_chord,
     cylinder_meets,
     may_hold,
     steps_between,
-    tiles_reached,
 )
-from bonecam.kernels.vectors import Three, cross, distance, dot, length, minus
+from bonecam.kernels.vectors import cross, distance, dot, length, minus
 
 FLUTE_STEP = 0.1
 """The flutes stand this far apart (mm) where they are taken out of the material: between two cuts of a
 cylinder of radius R they leave a ridge of FLUTE_STEP^2 / (8 R), 1.3 um for 1 mm."""
 
 
-NO_BODY = np.zeros((0, 3))
-"""The body of a ball-end cutter: its capsules are known without."""
-
-
 class Ways(NamedTuple):
     """Straight moves of a ball's centre while the axis of its tool turns, in the coordinates of the rays: `starts`,
     `ends`, `start_axes`, `end_axes` (n, 3); `reach` (n,): height of the flutes above the ball's centre, mm, 0 for a
-    ball alone. `body` (k, 3): the cones of a bull nose, as `Cutter.body` has them, none of a ball-end cutter."""
+    ball alone."""
 
     starts: ndarray
     ends: ndarray
     start_axes: ndarray
     end_axes: ndarray
     reach: ndarray
-    body: ndarray
 
 
 @inner_njit()
@@ -151,84 +136,6 @@ def cut_flutes(
 
 
 @inner_njit()
-def _cone_chord(sine: float, s: float, rise: float, across: float, turn: float, square: float) -> tuple[float, float]:
-    """Where a line lies in a cone: t; the first is larger where it misses. On it s + cos h = `s` + `rise` t, and the
-    square of the distance from the axis is `square` + 2 `turn` t + `across` t^2."""
-    if sine == 0.0:
-        if abs(rise) < TINY:
-            return (-np.inf, np.inf) if s >= 0.0 else (np.inf, -np.inf)
-        return (-s / rise, np.inf) if rise > 0.0 else (-np.inf, -s / rise)
-    a = sine * sine * across - rise * rise
-    b = sine * sine * turn - s * rise
-    c = sine * sine * square - s * s
-    if abs(a) < TINY:
-        # along a side of the cone: in it towards where it widens
-        if rise == 0.0:
-            return (-np.inf, np.inf) if c <= 0.0 and s >= 0.0 else (np.inf, -np.inf)
-        if b * rise >= 0.0:
-            return np.inf, -np.inf
-        return (-c / (2 * b), np.inf) if rise > 0.0 else (-np.inf, -c / (2 * b))
-    rest = b * b - a * c
-    if a > 0.0:
-        if rest <= 0.0 or s - rise * b / a < 0.0:
-            return np.inf, -np.inf
-        root = np.sqrt(rest)
-        return (-b - root) / a, (-b + root) / a
-    root = np.sqrt(max(rest, 0.0))
-    return ((-b - root) / a, np.inf) if rise > 0.0 else (-np.inf, (-b + root) / a)
-
-
-@njit(cache=True, nogil=True)
-def body_chord(p: Three, n: Three, axis: ndarray, body: ndarray) -> tuple[float, float]:
-    """Where the line through p, told from the ball's centre, along the unit n lies in a body about the unit `axis`: t;
-    the first is larger where it misses."""
-    height = dot(p, axis)
-    slope = dot(n, axis)
-    square = dot(p, p) - height * height
-    turn = dot(p, n) - height * slope
-    across = max(1.0 - slope * slope, 0.0)
-    low, high = -np.inf, np.inf
-    # the side and the top first: they miss most lines
-    for k in range(len(body) - 1, -1, -1):
-        sine, cosine = body[k, 0], body[k, 1]
-        first, last = _cone_chord(sine, body[k, 2] + cosine * height, cosine * slope, across, turn, square)
-        low, high = max(low, first), min(high, last)
-        if low >= high:
-            return np.inf, -np.inf
-    return low, high
-
-
-@inner_njit()
-def _travel(ways: Ways, i: int) -> float:
-    """How far a point of the body travels on way `i` at most, mm."""
-    side, top = ways.body[-2, 2], ways.body[-1, 2]
-    return travel_of(ways, i, np.hypot(max(ways.body[0, 2], abs(top)), side))
-
-
-@inner_njit()
-def _steps_of(ways: Ways, i: int) -> int:
-    """Poses on way `i` that the body is taken out at."""
-    return max(int(np.ceil(_travel(ways, i) / FLUTE_STEP)), 1)
-
-
-@njit(cache=True, nogil=True)
-def body_ends(ways: Ways, foot: ndarray, axis: ndarray, start: ndarray, end: ndarray) -> float:
-    """Write the `start` and the `end` of the capsule that holds the body whose ball's centre is at `foot`: on its axis,
-    at tip and top. Its radius."""
-    for k in range(3):
-        start[k] = foot[k] - ways.body[0, 2] * axis[k]
-        end[k] = foot[k] + ways.body[-1, 2] * axis[k]
-    return ways.body[-2, 2]
-
-
-@njit(cache=True, nogil=True)
-def body_in_motion(ways: Ways, i: int, foot: ndarray, axis: ndarray, start: ndarray, end: ndarray) -> float:
-    """Write the ends of a capsule that holds the body all along way `i`, as `body_ends` does; its radius."""
-    piece_pose(ways, i, 0.5, foot, axis)
-    return body_ends(ways, foot, axis, start, end) + _travel(ways, i) / 2
-
-
-@inner_njit()
 def deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: ndarray) -> float:
     """The largest distance to the nearest air, mm, of the ends of the chords, told from `w`, of tile (i, j)."""
     deepest = 0.0
@@ -239,74 +146,6 @@ def deepest_end(rays: RaySet, i: int, j: int, w: float, lows: ndarray, highs: nd
             deepest = max(deepest, air_on_set(rays, u, v, w + lows[ray]))
             deepest = max(deepest, air_on_set(rays, u, v, w + highs[ray]))
     return deepest
-
-
-@inner_njit()
-def sweep_body(rays: RaySet, ways: Ways, i: int, foot: ndarray, axis: ndarray, cuts: bool) -> tuple[float, float, bool]:
-    """What the body meets on way `i`, its place at the start left out. Where it `cuts`, that goes: the volume (mm^3),
-    and last whether a ray has no room for one more interval. Else, second, the largest distance to the nearest air, mm,
-    of the places where the rays leave it inside material. `foot` and `axis` (3,) are written on."""
-    lows, highs = np.empty(TILE * TILE), np.empty(TILE * TILE)
-    start, end = np.empty(3), np.empty(3)
-    removed, deepest, full = 0.0, 0.0, False
-    steps = _steps_of(ways, i)
-    for k in range(1, steps + 1):
-        piece_pose(ways, i, k / steps, foot, axis)
-        radius = body_ends(ways, foot, axis, start, end)
-        for a, b in tiles_reached(rays, start, end, axis, ways.body[0, 2] + ways.body[-1, 2], radius):
-            for ray in range(TILE * TILE):
-                u = (a * TILE + ALONG_U[ray]) * rays.cell - foot[0]
-                v = (b * TILE + ALONG_V[ray]) * rays.cell - foot[1]
-                lows[ray], highs[ray] = body_chord((u, v, 0.0), (0.0, 0.0, 1.0), axis, ways.body)
-            if not cuts:
-                deepest = max(deepest, deepest_end(rays, a, b, foot[2], lows, highs))
-                continue
-            in_tile, full = cut_tile(rays, np.int64(rays.tile_of[a, b]), foot[2], lows, highs)
-            removed += in_tile * rays.cell * rays.cell
-            if full:
-                return removed, deepest, full
-    return removed, deepest, full
-
-
-@njit(cache=True, nogil=True)
-def cut_probes_by_body(
-    probes: ProbesByCell, reach: float, ways: Ways, heights: ndarray, names: ndarray, owners: ndarray, from_top: bool
-) -> None:
-    """Lower `heights` (n,) to where the body cuts the normal probes on its ways (w,), and set `owners` (n,) to the one
-    of the `names` (w,) that did; as `cut_normal_probes` does by capsules."""
-    points, normals, cell_starts, _, _ = probes
-    shape = cell_starts.shape
-    flat = cell_starts.ravel()
-    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    foot, axis, start, end = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for i in range(len(ways.starts)):
-        steps = _steps_of(ways, i)
-        for step in range(1, steps + 1):
-            piece_pose(ways, i, step / steps, foot, axis)
-            radius = body_ends(ways, foot, axis, start, end) + reach
-            if not cells_near(start, end, radius, 0.0, probes, low, high):
-                continue
-            for a in range(low[0], high[0] + 1):
-                for b in range(low[1], high[1] + 1):
-                    row = (a * shape[1] + b) * shape[2]
-                    for m in range(flat[row + low[2]], flat[row + high[2] + 1]):
-                        p, n = minus(points[m], foot), (normals[m, 0], normals[m, 1], normals[m, 2])
-                        enter, leave = body_chord(p, n, axis, ways.body)
-                        lowest = heights[m] if from_top else 0.0
-                        if enter < leave and leave > lowest and enter < heights[m]:
-                            height = enter
-                            if not enter > 0.0:
-                                # how far the point lies off the body, which it is inside
-                                height = -np.inf
-                                up = dot(p, axis)
-                                out = np.sqrt(max(dot(p, p) - up * up, 0.0))
-                                for k in range(len(ways.body)):
-                                    off = ways.body[k, 0] * out - ways.body[k, 1] * up - ways.body[k, 2]
-                                    height = max(height, off)
-                                height = min(height, 0.0)
-                            if height < heights[m]:
-                                heights[m] = height
-                                owners[m] = names[i]
 
 
 MOST_STEPS = 300

@@ -858,9 +858,7 @@ class Edges(NamedTuple):
     fz, mm, 0 for a piece that is not asked; `coefficients` (6,): Ktc, Krc, Kac (N/mm^2), Kte, Kre, Kae (N/mm).
     `forces` (n, TURN, 3): that of one edge at each phi along v, e_r and a, N; `engaged` (n, 5): length of the edge,
     summed over the turn, with that times the place along e_1, e_2 and a from `centres` (mm, mm^2), and the area across
-    the feed (mm^2); `asked` (n,): the piece has been. The arc that cuts has the radius of the `corner` (mm), about
-    places of a `ring` (mm) round the axis, whose middle the `centres` are: it lies so far `below` (mm) the centre of
-    the ball that moves. Of a ball-end cutter ring and below are 0.
+    the feed (mm^2); `asked` (n,): the piece has been.
     """
 
     frames: ndarray
@@ -871,9 +869,6 @@ class Edges(NamedTuple):
     forces: ndarray
     engaged: ndarray
     asked: ndarray
-    ring: float = 0.0
-    corner: float = 0.0
-    below: float = 0.0
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -905,21 +900,14 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
     if edges.asked[i] or edges.chips[i] <= 0.0:
         return
     edges.asked[i] = True
-    ring, below = edges.ring, edges.below
-    wide = ring + edges.corner if ring > 0.0 else radius
-    if ring > 0.0:
-        radius, reach = edges.corner, max(reach, 0.0) + below
     one = edges.frames[i, 0]
     two = edges.frames[i, 1]
     axis = edges.frames[i, 2]
     centre = edges.centres[i]
-    if reach <= 0.0 and len(tiles_reached(rays, centre, centre, axis, 0.0, wide)) == 0:
+    if reach <= 0.0 and len(tiles_reached(rays, centre, centre, axis, 0.0, radius)) == 0:
         return
     inner = radius - ROUNDING
-    shifted = centre.copy()
     db = radius * 0.5 * np.pi / ROWS
-    # a sharp corner has no arc
-    first_row = 0 if radius > 0.0 else ROWS
     flutes = int(np.ceil(reach / max(COARSER * db, rays.cell)))
     ahead = edges.feeds[i, 0]
     up = edges.feeds[i, 1]
@@ -931,10 +919,8 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
         e_v = _COSINES[k] * one[1] + _SINES[k] * two[1]
         e_w = _COSINES[k] * one[2] + _SINES[k] * two[2]
         along_e = _COSINES[k] * ahead
-        shifted[0], shifted[1] = centre[0] + ring * e_u, centre[1] + ring * e_v
-        shifted[2] = centre[2] + ring * e_w
-        way, radial, axial, edge, out, level, area, ahead_of_ring = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for row in range(first_row, ROWS + flutes):
+        way, radial, axial, edge, out, level, area = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for row in range(ROWS + flutes):
             sine, cosine, height, length = 1.0, 0.0, 0.0, db
             if row < ROWS:
                 sine, cosine = _KAPPA_SINES[row], _KAPPA_COSINES[row]
@@ -950,9 +936,8 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
                 if row >= ROWS:
                     break  # the flutes have one normal
                 continue
-            u, v = shifted[0] + radius * nu + height * a_u, shifted[1] + radius * nv + height * a_v
-            about, within = (centre, ring + inner) if row >= ROWS else (shifted, inner)
-            if not _meets(rays, u, v, about, axis, within, row >= ROWS, nw > 0.0):
+            u, v = centre[0] + radius * nu + height * a_u, centre[1] + radius * nv + height * a_v
+            if not _meets(rays, u, v, centre, axis, inner, row >= ROWS, nw > 0.0):
                 continue
             normal, meridian = krc * chip * along + kre, kac * chip * along + kae
             way += length * (ktc * chip * along + kte)
@@ -962,16 +947,15 @@ def engage(rays: RaySet, edges: Edges, i: int, radius: float, reach: float) -> N
             out += length * sine
             level += length * (height - radius * cosine)
             area += length * along * sine
-            ahead_of_ring += length * along
         if edge > 0.0:
             edges.forces[i, k, 0] = way
             edges.forces[i, k, 1] = radial
             edges.forces[i, k, 2] = axial
             edges.engaged[i, 0] += edge
-            edges.engaged[i, 1] += (out * radius + ring * edge) * _COSINES[k]
-            edges.engaged[i, 2] += (out * radius + ring * edge) * _SINES[k]
+            edges.engaged[i, 1] += out * radius * _COSINES[k]
+            edges.engaged[i, 2] += out * radius * _SINES[k]
             edges.engaged[i, 3] += level
-            edges.engaged[i, 4] += (area * radius + ahead_of_ring * ring) * 2 * np.pi / TURN
+            edges.engaged[i, 4] += area * radius * 2 * np.pi / TURN
 
 
 @njit(cache=True, nogil=True)

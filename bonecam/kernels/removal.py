@@ -10,16 +10,13 @@ from numpy import ndarray
 
 from bonecam.kernels import inner_njit, njit
 from bonecam.kernels.bodies import (
-    NO_BODY,
     Ways,
-    body_in_motion,
     column_distance,
     cut_flutes,
     deepest_end,
     flutes_meet,
     frustum_clearance,
     piece_pose,
-    sweep_body,
     travel_of,
 )
 from bonecam.kernels.distances import from_column
@@ -39,7 +36,7 @@ class Pieces(NamedTuple):
     to `end_axes`; `moves` (n,) is the move it belongs to. `reach` (n,): height above the ball's centre up to
     which the flutes may meet material, 0 for none. `probed` (n,): its depth is measured. `bounds` (n, s): lower
     bounds of the distance of each section above the flutes from material, `near` (n, s, 2): the heights between
-    which that is nearest; mm. `body` (k, 3): the cones of a bull nose, as `Cutter.body` has them.
+    which that is nearest; mm.
     """
 
     starts: ndarray
@@ -51,7 +48,6 @@ class Pieces(NamedTuple):
     probed: ndarray
     bounds: ndarray
     near: ndarray
-    body: ndarray = NO_BODY
 
 
 class SweepResult(NamedTuple):
@@ -70,7 +66,7 @@ class SweepResult(NamedTuple):
 @inner_njit()
 def ways_of(pieces: Pieces) -> Ways:
     """The pieces as ways of the tool, of the one kind for which what takes these is compiled."""
-    return Ways(pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes, pieces.reach, pieces.body)
+    return Ways(pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes, pieces.reach)
 
 
 @inner_njit()
@@ -142,21 +138,15 @@ def sweep(
     ways = ways_of(pieces)
     for i in range(first, len(pieces.starts)):
         if pieces.probed[i]:
-            if len(pieces.body):
-                depth = sweep_body(rays, ways, i, foot, axis, np.bool_(False))[1]
-            else:
-                depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
+            depth = _capsule_depth(rays, pieces.starts[i], pieces.ends[i], radius)
             found.depths[pieces.moves[i]] = max(found.depths[pieces.moves[i]], depth)
         if len(edges.chips):
             engage(rays, edges, i, radius, pieces.reach[i])
-        if len(pieces.body):
-            volume, _, full = sweep_body(rays, ways, i, foot, axis, np.bool_(True))
-        else:
-            volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius, np.bool_(False))
-            found.volumes[pieces.moves[i]] += volume
-            if full:
-                return i
-            volume, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
+        volume, full = cut_capsule(rays, pieces.starts[i], pieces.ends[i], radius, np.bool_(False))
+        found.volumes[pieces.moves[i]] += volume
+        if full:
+            return i
+        volume, full = cut_flutes(rays, ways, i, radius, foot, axis, top)
         found.volumes[pieces.moves[i]] += volume
         if full:
             return i
@@ -194,9 +184,6 @@ def _cut(
 ) -> tuple[float, bool]:
     """Take what ball and flutes sweep on way `i` out of the material: the volume (mm^3), and whether a ray has no more
     room."""
-    if len(ways.body):
-        volume, _, full = sweep_body(rays, ways, i, foot, axis, np.bool_(True))
-        return volume, full
     volume, full = cut_capsule(rays, ways.starts[i], ways.ends[i], radius, np.bool_(False))
     if full:
         return volume, True
@@ -223,18 +210,13 @@ def probe(rays: RaySet, ways: Ways, ends: ndarray, gone: ndarray, radius: float,
     The ways of line i end before `ends` (k,) i; what is removed on those before `gone` (k,) i is taken as gone before
     the line is.
     """
-    foot, axis, begin, top = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    foot, axis, top = np.empty(3), np.empty(3), np.empty(3)
     tiles = np.empty(len(rays.counts), dtype=np.int64)
     for i in range(first, len(ends)):
         start = ends[i - 1] if i else 0
         # the tiles that the tool may reach on the ways of the line
         count: Any = np.int64(0)  # a literal would have `_add_tiles` compiled once more
         for way in range(start, ends[i]):
-            if len(ways.body):
-                # the body lies in a capsule about its axis in the middle of the way, larger by half of what it travels
-                wide = body_in_motion(ways, way, foot, axis, begin, top)
-                count = _add_tiles(rays, begin, top, wide, tiles, count)
-                continue
             count = _add_tiles(rays, ways.starts[way], ways.ends[way], radius, tiles, count)
             if ways.reach[way] <= 0.0 or not flutes_meet(rays, ways, way, radius, foot, axis):
                 continue

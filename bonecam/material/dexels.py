@@ -18,7 +18,7 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import numbered
-from bonecam.kernels.bodies import NO_BODY, Ways
+from bonecam.kernels.bodies import Ways
 from bonecam.kernels.rays import RaySet, air_distances, new_ends
 from bonecam.kernels.removal import Pieces, cut_ways, probe
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
@@ -44,16 +44,13 @@ class Dexels:
     sets: tuple[RaySet, ...]
     grid: RayGrid
 
-    def without(
-        self, starts: Poses, ends: Poses, radius: float, reach: float = 0.0, body: Float[ndarray, "c 3"] = NO_BODY
-    ) -> "Dexels":
-        """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it; or of the
-        `body` of a bull nose, as `Cutter.body` has it."""
+    def without(self, starts: Poses, ends: Poses, radius: float, reach: float = 0.0) -> "Dexels":
+        """What is left behind straight moves of a ball's centre, and of flutes up to `reach` (mm) above it."""
         left = [copy_of(rays) for rays in self.sets]
 
         def work(which: slice) -> None:
             k = which.start
-            ways = self._ways(starts, ends, reach, body, k)
+            ways = self._ways(starts, ends, reach, k)
             at = 0
             while at < len(ways.starts):
                 at = cut_ways(left[k], ways, radius, at)
@@ -70,15 +67,10 @@ class Dexels:
         return np.vstack([self.grid.in_part(points) for points in _new_ends(self.sets, nothing, 1)])
 
     def removed_by(
-        self,
-        lines: Sequence[Poses],
-        removed: Sequence[Poses],
-        radius: float,
-        reach: float = 0.0,
-        body: Float[ndarray, "c 3"] = NO_BODY,
+        self, lines: Sequence[Poses], removed: Sequence[Poses], radius: float, reach: float = 0.0
     ) -> Float[ndarray, " k"]:
         """What a ball, and flutes up to `reach` (mm) above its centre, would remove on straight moves through the poses
-        of each line, mm^3, behind tools in the poses `removed` of that line; or the `body` of a bull nose."""
+        of each line, mm^3, behind tools in the poses `removed` of that line."""
         volumes = np.zeros((len(self.sets), len(lines)))
         if not len(lines):
             return volumes[0]
@@ -95,7 +87,7 @@ class Dexels:
         def work(which: slice) -> None:
             k = which.start
             rays = self.sets[k]
-            ways = self._ways((starts[0], starts[1]), (ends[0], ends[1]), reach, body, k)
+            ways = self._ways((starts[0], starts[1]), (ends[0], ends[1]), reach, k)
             at = 0
             while at < len(lines):
                 at = probe(rays, ways, ends=lasts, gone=begun, radius=radius, first=at, volumes=volumes[k])
@@ -105,12 +97,12 @@ class Dexels:
         in_pieces(work, len(self.sets), 1)
         return volumes.mean(axis=0)
 
-    def _ways(self, starts: Poses, ends: Poses, reach: float, body: Float[ndarray, "c 3"], direction: int) -> Ways:
+    def _ways(self, starts: Poses, ends: Poses, reach: float, direction: int) -> Ways:
         """Straight moves of a tool in the coordinates of one set."""
         across = order(direction)
         first, last = (np.ascontiguousarray(self.grid.of_points(c)[:, across]) for c, _ in (starts, ends))
         before, after = (np.ascontiguousarray(self.grid.of_vectors(v)[:, across]) for _, v in (starts, ends))
-        return Ways(first, last, before, after, np.full(len(first), reach), body)
+        return Ways(first, last, before, after, np.full(len(first), reach))
 
 
 def copy_of(rays: RaySet) -> RaySet:
@@ -168,21 +160,15 @@ class CutDexels:
         starts, ends = cut_poses(path)
         if not len(ends[0]):
             return self
-        radius, reach, body = path.cutter.radius, path.cutter.reach, path.cutter.body
-        cutters = self.cutters.without(starts, ends, radius, reach, body)
-        if not len(body):
-            return CutDexels(self.balls.without(starts, ends, radius), cutters)
-        one = self.balls is self.cutters
-        return CutDexels(cutters if one else self.balls.without(starts, ends, radius, reach, body), cutters)
+        radius, reach = path.cutter.radius, path.cutter.reach
+        cutters = self.cutters.without(starts, ends, radius, reach)
+        return CutDexels(self.balls.without(starts, ends, radius), cutters)
 
     def cut_little(
         self, lines: Sequence[Poses], removed: Sequence[Poses], cutter: Cutter, allowed: Float[ndarray, " k"]
     ) -> Bool[ndarray, " k"]:
         """Whether neither the ball alone nor ball and flutes remove more than is `allowed` (mm^3) on straight moves
         through the poses of each line, behind tools in the poses `removed` of that line."""
-        if cutter.is_bull:
-            cut = self.cutters.removed_by(lines, removed, cutter.radius, cutter.reach, cutter.body)
-            return cut <= allowed
         little = self.balls.removed_by(lines, removed, cutter.radius) <= allowed
         asked = np.flatnonzero(little).tolist()
         lines, removed = [lines[k] for k in asked], [removed[k] for k in asked]

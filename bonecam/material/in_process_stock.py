@@ -21,7 +21,6 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import numbered
-from bonecam.kernels.bodies import Ways, cut_probes_by_body
 from bonecam.kernels.rays import Capsules, ProbesByCell, cut_normal_probes, probe_cells, useful_moves
 from bonecam.levels.measure import Level, LevelGrid, MachinedLevel, RoundedLevel, level_grid, machined_levels
 from bonecam.material.dexels import CutDexels, ball_depths, cut_poses, enters_beside, uncut_rays
@@ -243,21 +242,17 @@ def remove_material(material: InProcessStock, level: MachinedLevel, path: ToolPa
     vertices = _lowered(material.vertices, floor, path)
     places = _lowered(material.places, material.depth_grid.R @ level.control_points, path)
     # Where balls cut on the level of the path and on the one before it: the rest paths of a level cut only parts of it.
-    # What a bull nose leaves in a ball is not known by its place alone.
-    swept = material.swept
     radius = path.cutter.radius
-    if not path.cutter.is_bull:
-        (starts, _), (ends, _) = cut_poses(path)
-        same = [each for each in swept if (each.level, each.radius) == (path.level, radius)]
-        cut = np.vstack([_dense(starts, ends), *(each.places.data for each in same)])
-        kept = [each for each in swept if each not in same and each.level <= path.level + 1]
-        swept = (*kept, Swept(path.level, radius, KDTree(cut)))
+    (starts, _), (ends, _) = cut_poses(path)
+    same = [each for each in material.swept if (each.level, each.radius) == (path.level, radius)]
+    cut = np.vstack([_dense(starts, ends), *(each.places.data for each in same)])
+    kept = [each for each in material.swept if each not in same and each.level <= path.level + 1]
     return replace(
         material,
         vertices=vertices,
         places=places,
         rays=material.rays.after(path),
-        swept=swept,
+        swept=(*kept, Swept(path.level, radius, KDTree(cut))),
         uncut=None,
         floor=material.floor if isinstance(level, RoundedLevel) else floor,
     )
@@ -274,7 +269,7 @@ def _dense(starts: Float[ndarray, "n 3"], ends: Float[ndarray, "n 3"]) -> Float[
 def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path: ToolPath) -> ndarray:
     """Each standing place lowered on the line to its place of the level, as far as the balls cut it."""
     heights = np.linalg.norm(standing - floor, axis=1)
-    (starts, before), (ends, after) = cut_poses(path)
+    (starts, _), (ends, _) = cut_poses(path)
     above = np.flatnonzero(heights > LEAST_HEIGHT)
     if not len(above) or not len(starts):
         return standing
@@ -285,13 +280,8 @@ def _lowered(standing: Float[ndarray, "n 3"], floor: Float[ndarray, "n 3"], path
     above, normals, feet, tall = above[order], normals[order], feet[order], tall[order]
     probes = ProbesByCell(feet, normals, cell_starts, corner, CELL)
     names, owners = np.arange(len(starts)), np.full(len(above), -1)
-    if path.cutter.is_bull:
-        ways = Ways(starts, ends, before, after, np.zeros(len(starts)), path.cutter.body)
-        cut_probes_by_body(probes, REACH, ways, tall, names, owners, from_top=True)
-    else:
-        radii = np.full(len(starts), path.cutter.radius)
-        capsules = Capsules(starts, ends, radii, names)
-        cut_normal_probes(probes, REACH, capsules, tall, owners, from_top=True)
+    capsules = Capsules(starts, ends, np.full(len(starts), path.cutter.radius), names)
+    cut_normal_probes(probes, REACH, capsules, tall, owners, from_top=True)
     lowered = standing.copy()
     # never below the level, where a ball may be by the gouge tolerance: the next direction would be inwards
     lowered[above] = feet + np.maximum(tall, 0.0)[:, None] * normals

@@ -44,7 +44,7 @@ def cutter_compliance(cutter: Cutter) -> float:
         if piece.name in ("holder", "spindle"):
             break
         share = CORE if piece.name == "cutter" else 1.0
-        low, high = piece.start - cutter.centre_height, piece.end - cutter.centre_height
+        low, high = piece.start - cutter.radius, piece.end - cutter.radius
         radius, end_radius = share * piece.radius, share * piece.end_radius
         x = low + along * (high - low)
         r = radius + along * (end_radius - radius)
@@ -145,7 +145,6 @@ def edges_on(
 ) -> Edges:
     """The edges of a cutter on pieces of moves in the part's frame, with the feed a tooth of each (`chips`, mm), before
     rays `cell` mm apart are asked."""
-    below = cutter.centre_height - cutter.corner
     way = pieces.ends - pieces.starts
     length = lengths(way)
     feed = unit(way)
@@ -156,16 +155,13 @@ def edges_on(
     count = len(length)
     return Edges(
         frames=np.stack([first, np.cross(axes, first), axes], axis=1),
-        centres=(pieces.starts + pieces.ends) / 2 + ahead[:, None] * feed - below * axes,
+        centres=(pieces.starts + pieces.ends) / 2 + ahead[:, None] * feed,
         feeds=np.column_stack([dots(feed, first), dots(feed, axes)]),
         chips=np.where(length > 0, chips, 0.0),
         coefficients=coefficients,
         forces=np.empty((0, TURN, 3), dtype=np.float32),
         engaged=np.empty((count, 0)),
         asked=np.zeros(count, dtype=bool),
-        ring=cutter.radius - cutter.corner,
-        corner=cutter.corner,
-        below=below,
     )
 
 

@@ -253,7 +253,9 @@ class Mechanics:
         """What bending does, in the words of the program's header."""
         error = f"bending keeps {UM * self.error.p95:.1f} um in 95 of 100 places, " if self.error else ""
         beyond = ", beyond what holds" if self.faults else ""
-        return f"{error}stress {self.stress[1]:.0f} of {self.workpiece.stiffness.yield_strength:g} N/mm2{beyond}"
+        _, p99, most = self.stress
+        yields = f"yields at {self.workpiece.stiffness.yield_strength:g}"
+        return f"{error}stress at peaks {p99:.0f} N/mm2 for 99 % of the cutting, {most:.0f} at most, {yields}{beyond}"
 
     @property
     def report(self) -> dict[str, Any]:

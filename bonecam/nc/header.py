@@ -18,9 +18,9 @@ which the approach height allows for.
 """
 
 import math
-import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +49,7 @@ from bonecam.nc.path_words import (
     round_words,
 )
 from bonecam.nc.program import Program, ProgramTime
-from bonecam.nc.words import comment, move_words, word_texts
+from bonecam.nc.words import comment, comments_of, move_words, word_texts
 from bonecam.planning.blank import bar_of
 from bonecam.planning.stump import cut_groove
 from bonecam.setup.stock import Stock, kind_of
@@ -310,14 +310,15 @@ def air_check_texts(control: Control, dialect: Dialect, top: float) -> list[str]
     # the machine file's shows as a way of the tip. Poses beyond a limit of the spindle nose are left out
     places = []
     if not control.tool_centre:
-        height = float(np.ceil(top + ABOVE))
+        height = control.zero_height + float(np.ceil(top - control.zero_height + ABOVE))
         angles = [start, *(_turned(machine, start, axis) for axis in machine.own_rotary)]
         words = control.words(np.tile([0.0, 0.0, height], (len(angles), 1)), np.array(angles))
         nose = words[:, :3] + [0.0, 0.0, control.tool_length]
         low, high = np.array([axis.limits for axis in machine.linear]).T
         reached = np.all((nose >= low) & (nose <= high), axis=1)
         words[:, 3:] = np.degrees(words[:, 3:])
-        same = f"the tip must be at one and the same place, {height:.0f} mm over program zero, in each of these poses"
+        over = f"{height - control.zero_height:.0f} mm over program zero"
+        same = f"the tip must be at one and the same place, {over}, in each of these poses"
         places = [same, *(" ".join(word_texts(machine, dialect, row)) for row in words[reached])]
     return [
         "tool in the spindle, retracted, tool-centre control off, each axis driven by hand and back",
@@ -431,10 +432,6 @@ def _degrees(angle: float) -> str:
     return f"{value:+g}" if value else "0"
 
 
-WIDEST = 96
-"""Most characters of a comment that is divided between words."""
-
-
 VECTOR = [
     "tool axis: a unit vector from the tip to the spindle, along the axes of the part with all rotary axes at 0",
     "tool axis: the control takes the angles nearest to where its axes stand, and turns them evenly between blocks",
@@ -452,18 +449,21 @@ def part_texts(job: Job) -> list[str]:
     return [f"the part is {change}" for change in job.mesh.changes]
 
 
-def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
-    """What must be mounted and where the zero is; `stock` is None where only the paths are known."""
+def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords, zero_height: float = 0.0) -> list[str]:
+    """What must be mounted and where the zero is, `zero_height` (mm) above that of the part's frame; `stock` is None
+    where only the paths are known."""
+    level = partial(_level, zero_height)
     top = job.holding.length if stock is None else float(stock.bounds[0, 2])
     held = holding_columns(job.holding)
     stub = held.pop("stub", None)
     name, foot = ("post", 0.0) if stub is None else ("neck", stub.top)
-    post = f"{name} below it: diameter {job.holding.diameter:.2f} mm, from Z {foot:.2f} to Z {top:.2f}"
-    made = "turned before" if job.holding.neck == TURNED else "milled first"
+    end = top if stock is None else _neck_end(stock, job.holding.diameter / 2)
+    how = "turned" if job.holding.neck == TURNED else "milled"
+    post = f"{name} below it: diameter {job.holding.diameter:.2f} mm, from {level(foot)} to {level(end)}"
+    made = "turned before" if how == "turned" else "milled first"
     texts = [f"{post}, {made}, {'parted at the end' if job.holding.parting else 'left uncut'}", *part_texts(job)]
     if stub is not None:
-        bar = f"bar of diameter {2 * stub.radius:.2f} mm, from Z {stub.bottom:.2f} to Z {stub.top:.2f}"
-        how = "turned" if job.holding.neck == TURNED else "milled"
+        bar = f"bar of diameter {2 * stub.radius:.2f} mm, from {level(stub.bottom)} to {level(stub.top)}"
         texts.append(f"stub below the neck: {bar}, stock and neck are {how} from it")
     if stock is not None:
         low, high = stock.bounds[:, 2].tolist()
@@ -471,36 +471,104 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords) -> list[str]:
         shape = kind_of(job.stock).shape
         sawn = bar_of(stock, job.holding)
         if sawn is not None:
-            shape = f"milled first from a plain bar of diameter {2 * sawn.radius:.2f} mm, sawn, its end at Z "
-            shape += f"{sawn.top:.2f} at most"
+            shape = (
+                f"milled first from a plain bar of diameter {2 * sawn.radius:.2f} mm, its sawn end at {level(sawn.top)}"
+            )
         texts = [
-            f"stock: {stock.kind}, {sizes} mm, from Z {low:.2f} to Z {high:.2f}",
+            f"stock: {stock.kind}, {sizes} mm",
+            f"stock: from {level(low)} to {level(high)}",
             f"stock: {shape}, mounted so before the start",
             *texts,
         ]
-    texts += _tailstock_texts(job)
+    texts += _tailstock_texts(job, zero_height)
+    if stock is not None:
+        texts += touch_texts(job, stock, zero_height)
     over = f"program zero: {zero.over} on the axis of the post"
+    on_end = f"{zero.height} on the end of the bar as it is clamped, its highest point"
     if not held:
         return [
             *texts,
-            "clamping: nothing of chuck, collet or vice may stand above Z 0.00",
-            f"{over}, {zero.height} on the table or on top of the clamping",
+            f"clamping: nothing of chuck, collet or vice may stand above {level(0.0)}",
+            f"{over}, {on_end if zero_height else zero.height + ' on the table or on top of the clamping'}",
         ]
     lowest = next(iter(held))
     holds = f" round the {'post' if stub is None else 'stub'}"
     names = {"riser": "a riser", "chuck": "a chuck or collet"}
     for kind, column in held.items():
         where = holds if kind == "chuck" else ""
-        size = f"of at most diameter {2 * column.radius:.2f} mm{where}, up to Z {column.top:.2f}"
+        size = f"of at most diameter {2 * column.radius:.2f} mm{where}, up to {level(column.top)}"
         texts.append(f"clamping: {names[kind]} {size}")
-    return [*texts, f"{over}, {zero.height} on the table under the {lowest}"]
+    texts.append(f"table: {level(0.0)} under the {lowest}")
+    return [*texts, f"{over}, {on_end if zero_height else f'{zero.height} on the table under the {lowest}'}"]
 
 
-def _tailstock_texts(job: Job) -> list[str]:
+NECK_STEP = 0.005
+"""The end of the neck is found to this, mm."""
+
+
+def _neck_end(stock: Stock, radius: float) -> float:
+    """The height (mm) at which the side of a neck of this `radius` (mm) comes to the stock: above its lower end, where
+    that is round."""
+    heights = np.arange(stock.bounds[0, 2], stock.bounds[:, 2].mean(), NECK_STEP)
+    places = np.column_stack([np.full(len(heights), radius), np.zeros(len(heights)), heights])
+    inside = stock.signed_distance(places) <= 0.0
+    return float(heights[np.argmax(inside)])
+
+
+def zero_text(zero_height: float) -> str:
+    """The comment of the header that tells where the program's zero is, mm; `reading` reads it."""
+    return f"ZERO HEIGHT {zero_height:.6f} OVER TABLE OR CLAMPING"
+
+
+def _level(zero_height: float, height: float) -> str:
+    """A height (mm) as the Z of a program whose zero is so high."""
+    return f"Z {round(height - zero_height, 2) + 0.0:.2f}"
+
+
+TOUCHED = 2.0
+"""A side is touched so far below an edge, mm."""
+
+
+def touch_heights(job: Job, stock: Stock) -> tuple[float, float]:
+    """The two heights (mm, part's frame) at which the side of the bar is touched, the upper one first: below its end,
+    or the dome there; and below the shoulder, or above the lower end where no stub stands."""
+    low, high = stock.bounds[:, 2].tolist()
+    bar = bar_of(stock, job.holding)
+    if bar is not None:
+        return bar.top - TOUCHED, bar.bottom + TOUCHED
+    inset = stock.diameter / 2 if stock.kind == "capsule" else min(TOUCHED, (high - low) / 4)
+    stub = holding_columns(job.holding).get("stub")
+    if stub is None:
+        return high - inset, low + inset
+    return high - inset, max(stub.top - TOUCHED, (stub.top + stub.bottom) / 2)
+
+
+def touch_texts(job: Job, stock: Stock, zero_height: float) -> list[str]:
+    """What is touched before the start, and the run-out that the part bears: an axis of the bar that is off by what a
+    ball may enter the part leaves no deeper step where neck and part meet."""
+    level = partial(_level, zero_height)
+    stub = holding_columns(job.holding).get("stub")
+    bar = bar_of(stock, job.holding)
+    shoulder = [] if stub is None or bar else [f"touch: the shoulder round the neck at {level(stub.top)}"]
+    off = job.path.gouge_tolerance
+    upper, lower = touch_heights(job, stock)
+    high = bar.top if bar else float(stock.bounds[1, 2])
+    clamped = max((column.top for name, column in holding_columns(job.holding).items() if name != "stub"), default=0.0)
+    return [
+        f"bar: stands out {high - clamped:.2f} mm, its end over what clamps it",
+        f"touch: the end of the bar at {level(high)}",
+        *shoulder,
+        f"run-out: {2 * off:.3f} mm at most, a dial on the bar at {level(upper)} and {level(lower)}",
+        f"run-out: the axis within {off:.3f} mm of X 0 Y 0, the gouge that the job allows",
+    ]
+
+
+def _tailstock_texts(job: Job, zero_height: float) -> list[str]:
     """What holds the free end, and where its bracket stands."""
     bodies = tailstock_columns(job.holding)
     if not bodies:
         return []
+    level = partial(_level, zero_height)
     holding = job.holding
     (column,) = bodies["column"]
     under = bodies["arm"][0]
@@ -510,36 +578,41 @@ def _tailstock_texts(job: Job) -> list[str]:
         "neck": f"a neck of {holding.tailstock_diameter:.2f} mm {at}, turned on the bar before and held above",
     }[holding.tailstock]
     foot = f"column of diameter {2 * column.radius:.2f} mm at X {column.x:.2f} Y {column.y:.2f} on the table"
-    arm = f"arm at most {holding.tailstock_arm:.2f} mm wide, from Z {under.bottom:.2f} to Z {under.top:.2f}"
+    arm = f"arm at most {holding.tailstock_arm:.2f} mm wide, from {level(under.bottom)} to {level(under.top)}"
     return [f"tailstock: {what}", f"tailstock: {foot}, turning with it", f"tailstock: {arm}"]
 
 
-def second_setup_texts(job: Job, shell: TriangleMesh, top: float, zero: ZeroWords) -> list[str]:
+def second_setup_texts(
+    job: Job, shell: TriangleMesh, top: float, zero: ZeroWords, zero_height: float = 0.0
+) -> list[str]:
     """What must be mounted and where the zero is in the second clamping: the part with a stump up to the height `top`
-    (mm) in its `shell`, which the job's [holding] holds."""
+    (mm) in its `shell`, which the job's [holding] holds; the zero is `zero_height` (mm) above that of its frame."""
+    level = partial(_level, zero_height)
+    rim = "rim of the shell, its highest edge" if zero_height else "table under the shell"
     holding = job.holding
     low, high = shell.bounds[:, 2].tolist()
-    chuck = "nothing of chuck or vice may stand above Z 0.00"
+    chuck = f"nothing of chuck or vice may stand above {level(0.0)}"
     if holding.chuck_height:
-        size = f"diameter {holding.chuck_diameter:.2f} mm, up to Z {holding.chuck_height:.2f}"
+        size = f"diameter {holding.chuck_diameter:.2f} mm, up to {level(holding.chuck_height)}"
         chuck = f"a chuck or vice of at most {size}"
     return [
         "second clamping: the parted part, turned over about X, stands in its shell",
-        f"shell: from Z {low:.2f} to Z {high:.2f}, round the finished end of the part",
-        f"stump: broken or sawn off, up to Z {top:.2f} at most",
+        f"shell: from {level(low)} to {level(high)}, round the finished end of the part",
+        f"stump: broken or sawn off, up to {level(top)} at most",
         f"clamping: {chuck}",
-        f"program zero: {zero.over} on the axis of the stump, {zero.height} on the table under the shell",
+        f"program zero: {zero.over} on the axis of the stump, {zero.height} on the {rim}",
         "turned about X alone: +X of the part stays where it was, +Y comes to -Y",
         *part_texts(job),
     ]
 
 
-def parting_texts(paths: Sequence[ToolPath]) -> list[str]:
+def parting_texts(paths: Sequence[ToolPath], zero_height: float = 0.0) -> list[str]:
     """What the last paths do to the post, if they part."""
     groove = cut_groove(paths)
     if groove is None:
         return []
-    where = f"parting: at the end a groove of {2 * groove.radius:.2f} mm round the post at Z {groove.middle:.2f}"
+    middle = _level(zero_height, groove.middle)
+    where = f"parting: at the end a groove of {2 * groove.radius:.2f} mm round the post at {middle}"
     bridge = f"parting: a bridge of diameter {2 * groove.bridge:.2f} mm holds the part, break or saw it there"
     return [where, bridge]
 
@@ -567,7 +640,7 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
     return [
         *texts,
         "tool lengths: planned, from the spindle nose to the tip of the ball; enter the measured ones",
-        *textwrap.wrap(source, WIDEST),
+        *([source] if source else []),
         f"tool change: {_CHANGES[job.nc.tool_change]}",
         "holders and shanks: none wider, no stick-out shorter than above",
         f"cutting feeds: median {figures.median:.0f}, a tenth below {figures.low:.0f} mm/min: "
@@ -582,26 +655,18 @@ def asked_material(job: Job) -> Material | None:
 
 
 def _shapes(cutter: Cutter) -> list[str]:
-    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle. Of a bull
-    nose or flat end first what a tool table with corners must have: texts of dialects speak of balls."""
+    """The shapes of a cutter from the tip up, mm, two cylinders or cones a line; without the spindle."""
     reported = []
     for section in cutter.profile:
         end = f" to {2 * section.end_radius:.2f}" if section.end_radius != section.radius else ""
         if section.name != "spindle":
             reported.append(f"{section.name} to {section.end:.2f} diameter {2 * section.radius:.2f}{end}")
-    table = f"a {cutter.end_name}: R {cutter.radius:.4f}, corner R2 {cutter.corner:.4f} in the tool table, no ball"
-    shapes = [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
-    return [table, *shapes] if cutter.is_bull else shapes
+    return [", ".join(reported[at : at + 2]) for at in range(0, len(reported), 2)]
 
 
 def tool_text(cutter: Cutter, tool_length: float) -> str:
     """The comment of the header that describes a cutter, mm; `reading.modal_state` reads it."""
-    kind, sizes = "BALL", f"RADIUS {cutter.radius:.4f}"
-    if cutter.is_bull:
-        kind = "BULL" if cutter.corner else "FLAT"
-        sizes += f" CORNER {cutter.corner:.4f}" if cutter.corner else ""
-        sizes += f" LEAD {math.degrees(cutter.lead):.4f}"
-    return f"TOOL {cutter.number} {kind} {sizes} LENGTH {tool_length:.4f}"
+    return f"TOOL {cutter.number} BALL RADIUS {cutter.radius:.4f} LENGTH {tool_length:.4f}"
 
 
 def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) -> list[str]:
@@ -683,28 +748,38 @@ def axis_texts(machine: Machine, ranges: Float[ndarray, "5 2"], dialect: Dialect
     ]
 
 
-UNCHECKED = "checks passed: none, this text was not read back"
-"""The line of a program before its proof; `record_checks` replaces it."""
-UNSIMULATED = "removal not simulated"
-"""The line of a program whose removal of material is not simulated; `record_simulation` replaces it."""
+SPARE = "-"
+"""A line of the header that is kept free for what is known later."""
+UNCHECKED = ("checks passed: none, this text was not read back", SPARE, SPARE)
+"""The lines of a program before its proof; `record_checks` replaces them."""
+UNSIMULATED = ("removal not simulated", *[SPARE] * 7)
+"""The lines of a program whose removal of material is not simulated; `record_simulation` replaces them."""
 
 
 def record_checks(program: Program, dialect: Dialect, checks: str) -> Program:
     """The program with the `checks` that its text passed in the header; no block moves, no line is added. ValueError
     where its text has them already."""
-    return _with_line(program, dialect, UNCHECKED, f"checks passed: {checks}")
+    return _with_lines(program, dialect, UNCHECKED, [f"checks passed: {checks}"])
 
 
 def record_simulation(program: Program, dialect: Dialect, cell: float, bending: str = "") -> Program:
     """The program with a header that tells that the removal of its text was simulated on rays `cell` mm apart, and what
-    `bending` does, if that is known; no block moves, no line is added. ValueError where its text tells it already."""
-    simulated = f"removal simulated in cells of {cell:g} mm"
-    return _with_line(program, dialect, UNSIMULATED, f"{simulated}, {bending}" if bending else simulated)
+    `bending` does, if that is known, a line or more for each of its parts between semicolons; no block moves, no line
+    is added. ValueError where its text tells it already."""
+    texts = [f"removal simulated in cells of {cell:g} mm", *filter(None, bending.split("; "))]
+    return _with_lines(program, dialect, UNSIMULATED, texts)
 
 
-def _with_line(program: Program, dialect: Dialect, before: str, after: str) -> Program:
-    """The program in whose header one comment is another."""
-    line = comment(before, dialect)
-    if program.text.count(line) != 1:
-        raise ValueError(f"the program has no line {line!r}: give it as it was written")
-    return replace(program, text=program.text.replace(line, comment(after, dialect)))
+def _with_lines(program: Program, dialect: Dialect, before: Sequence[str], texts: Sequence[str]) -> Program:
+    """The program in whose header other comments stand in the place of successive ones; what they have no room for is
+    left out from the end."""
+    lines = program.text.split("\n")
+    first = comment(before[0], dialect)
+    found = [at for at, line in enumerate(lines) if line.endswith(first)]
+    if len(found) != 1:
+        raise ValueError(f"the program has no line {first!r}: give it as it was written")
+    after = [line for text in texts for line in comments_of(text, dialect)]
+    after += [comment(SPARE, dialect)] * (len(before) - len(after))
+    for at, (old, new) in enumerate(zip(before, after, strict=False), found[0]):
+        lines[at] = lines[at].removesuffix(comment(old, dialect)) + new
+    return replace(program, text="\n".join(lines))

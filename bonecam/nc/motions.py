@@ -27,7 +27,6 @@ leaves one of these out may be driven otherwise than it is read.
 Words that turn the tool to a vector, in blocks that are read one by one.
 """
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -55,7 +54,6 @@ from bonecam.nc.schema import (
     numbered_pattern,
 )
 from bonecam.text.numbers import shown
-from bonecam.tool.cutter import EnvelopingBall, enveloping_ball
 
 
 def line_error(line: int, why: str) -> ProgramError:
@@ -65,25 +63,13 @@ def line_error(line: int, why: str) -> ProgramError:
 
 @dataclass(frozen=True)
 class Tool:
-    """A cutter as the program's header describes it in a `line`: radius, and length from tip to spindle nose; the
-    radius of the `corner` of a bull nose, 0 of a flat end, None of a ball; mm. It leans by the `lead`, radians."""
+    """A ball-end cutter as the program's header describes it in a `line`: radius, and length from tip to spindle nose,
+    mm."""
 
     number: int
     radius: float
     length: float
     line: int = 0
-    corner: float | None = None
-    lead: float = np.pi / 2
-
-    @property
-    def arc(self) -> float:
-        """Radius of the arc that cuts, mm: that of the corner, or of the ball."""
-        return self.radius if self.corner is None else self.corner
-
-    @property
-    def envelope(self) -> EnvelopingBall:
-        """The ball that holds its end."""
-        return enveloping_ball(self.radius, self.arc, self.lead)
 
 
 COLUMNS = 15
@@ -147,28 +133,19 @@ class Motions:
 
 
 SIZE = rf"({WHOLE}\.[0-9]+)"
-TOOL_COMMENT = re.compile(
-    rf"\s*TOOL ({WHOLE}) (?:BALL RADIUS {SIZE}|(?:BULL RADIUS {SIZE} CORNER {SIZE}|FLAT RADIUS {SIZE}) LEAD {SIZE}) "
-    rf"LENGTH {SIZE}\s*"
-)
-"""The comment of the header that describes a cutter, as `posting.header.texts` writes it; mm, the lead of a
-bull nose or flat end in degrees."""
+TOOL_COMMENT = re.compile(rf"\s*TOOL ({WHOLE}) BALL RADIUS {SIZE} LENGTH {SIZE}\s*")
+"""The comment of the header that describes a cutter, as `posting.header.texts` writes it; mm."""
 
 
 def described_tool(text: str, line: int) -> Tool | None:
-    """The tool that a comment describes, if it does; ProgramError where its sizes do not fit one another."""
+    """The tool that a comment describes, if it does."""
     match = TOOL_COMMENT.fullmatch(text)
-    if match is None:
-        return None
-    number, length = int(match[1]), float(match[7])
-    if match[2]:
-        return Tool(number, float(match[2]), length, line)
-    radius, corner, lead = float(match[3] or match[5]), float(match[4] or 0.0), math.radians(float(match[6]))
-    try:
-        enveloping_ball(radius, corner, lead)
-    except ValueError as error:
-        raise line_error(line, f"tool {number}: {error}") from error
-    return Tool(number, radius, length, line, corner, lead)
+    return Tool(int(match[1]), float(match[2]), float(match[3]), line) if match else None
+
+
+ZERO_COMMENT = re.compile(rf"\s*ZERO HEIGHT {SIZE} OVER .*")
+"""The comment of the header that tells how high the program's zero is over that of the part's frame, mm; without it
+they are the same."""
 
 
 def tool_number(text: str, line: int) -> int:
@@ -474,6 +451,7 @@ class ModalState:
         self.position: list[float | None] = [None] * unknown + [0.0] * (5 - unknown)
         self.tool = self.selected = self.length_of = 0
         self.needs_length = not {"tool_length", "tool_centre_on"}.isdisjoint(dialect.effect_of.values())
+        self.zero_height = 0.0
         self.tool_centre = False
         self.stated = Stated(dialect)
         self.endless = EndlessAxes(dialect)
@@ -493,9 +471,14 @@ class ModalState:
         self.full_moves = [full_move(dialect, machine, short_way) for short_way in (False, True)]
 
     def read_comment(self, text: str, line: int) -> None:
-        """Take the tool that a comment of the header describes, unless the caller has given the tools; or the mark
-        of links or cuts."""
+        """Take the tool that a comment of the header describes, unless the caller has given the tools; the height of
+        the program's zero; or the mark of links or cuts."""
         self.linking = MARKS.get(text.strip(), self.linking)
+        zero = ZERO_COMMENT.fullmatch(text)
+        if zero is not None:
+            if self.blocks or self.zero_height:
+                raise line_error(line, "the height of the program's zero stands twice, or behind a move")
+            self.zero_height = float(zero[1])
         tool = described_tool(text, line)
         if tool is not None and not self.given:
             if tool.number in self.tools:
@@ -620,9 +603,10 @@ class ModalState:
         joints = [np.nan] * 3 + [np.nan if angle is None else angle for angle in self.position[3:]]
         if self.tool_centre:
             return tuple(joints)
-        zero = self.machine.part_zero if self.dialect.tool_centre else (0.0, 0.0, 0.0)
+        zero = self.machine.in_machine(np.array([[0.0, 0.0, self.zero_height]]))[0]
+        zero = zero + self.machine.part_zero if self.dialect.tool_centre else zero
         for column, letter in enumerate("XYZ"):
-            joints[column] = words.get(letter, np.nan) + zero[column]
+            joints[column] = words.get(letter, np.nan) + float(zero[column])
         joints[2] += self.tools[self.tool].length
         return tuple(joints)
 

@@ -34,7 +34,7 @@ from bonecam.arrays import lengths as lengths_of
 from bonecam.errors import MachineError
 from bonecam.job import Job
 from bonecam.machine.control import Control
-from bonecam.machine.kinematics import inverse_linear, inverse_rotary, tool_axes
+from bonecam.machine.kinematics import inverse_rotary, tool_axes
 from bonecam.machine.limits import EVEN, MachineLimits, planned_band, polar_angles, reached_axes
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
@@ -278,15 +278,17 @@ def post_path(
     job: Job,
     around: Float[ndarray, "m 3"],
     before: Float[ndarray, "2"] | None = None,
+    zero_height: float = 0.0,
 ) -> Posted:
     """The posted form of one path.
 
     `around` are the tips of the whole program: approaches begin above them. `before` are the rotary joints
-    (rad) at the end of the path before. MachineError names level, pass, axis, value and limit.
+    (rad) at the end of the path before, `zero_height` (mm) that of the program's zero. MachineError names level, pass,
+    axis, value and limit.
     """
     cutter = path.cutter
     # the tool is as long as overhang and holder together
-    control = Control(machine, dialect.tool_centre, cutter.envelope_radius, cutter.length, cutter.centre_height)
+    control = Control(machine, dialect.tool_centre, cutter.radius, cutter.length, cutter.radius, zero_height)
     # half of the chord tolerance, but no more than gouges allow
     tolerance = min(job.path.chord_tolerance / 2, POSTING_SHARE * planned_tolerance(job.path.gouge_tolerance))
     # a tilt below half the last decimal of its word is written as zero: the other angle is free there
@@ -358,9 +360,7 @@ def joints_and_lengths(
     radians = in_radians(words)
     tips, _ = control.poses(radians)
     lengths = lengths_of(np.diff(tips, axis=0, prepend=tips[:1]))
-    if not control.tool_centre:
-        return radians, lengths
-    return inverse_linear(control.machine, tips, radians[:, 3:], control.tool_length), lengths
+    return control.joints(radians), lengths
 
 
 def drivable_rates(control: Control, words: Float[ndarray, "n 5"], highest: float) -> Float[ndarray, "m"]:

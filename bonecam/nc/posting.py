@@ -12,9 +12,9 @@ The time of a program is that at its feeds, as the axes drive it, and with what 
 """
 
 import math
-import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise, product
 from typing import NamedTuple
 
@@ -32,7 +32,7 @@ from bonecam.nc.feeds import feed_figures
 from bonecam.nc.header import (
     UNCHECKED,
     UNSIMULATED,
-    WIDEST,
+    ZeroWords,
     above,
     air_check_texts,
     axis_texts,
@@ -44,6 +44,7 @@ from bonecam.nc.header import (
     start_texts,
     tool_texts,
     travel_of,
+    zero_text,
     zero_words,
 )
 from bonecam.nc.parts import Section, is_split, marked_parts
@@ -65,6 +66,8 @@ from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
 from bonecam.tool.path import MoveKind, ToolPath
 
+SetupTexts = Callable[[ZeroWords, float], list[str]]
+"""What must be mounted, by the words of the program's zero and its height (mm) over that of the part's frame."""
 EXACT_STOP = ControlRule(look_ahead=0)
 """Between two runs every block ends at rest."""
 
@@ -172,13 +175,15 @@ def write_program(
     name: str = "BONE",
     comments: Sequence[str] = (),
     stock: Stock | None = None,
-    setup: Sequence[str] = (),
+    setup: SetupTexts | None = None,
+    touched: float | None = None,
     progress: Progress = silent,
 ) -> Program:
     """The program that machines `paths` in their order.
 
     `name` has letters, digits and underscores. The header describes the `stock`, whose box is the blank in the
-    control's simulation; without it that is the box of the tips. `setup` tells another mounting than the job's.
+    control's simulation; without it that is the box of the tips. `setup` tells another mounting than the job's,
+    in which a probe reaches the height `touched` (mm).
     MachineError where an axis leaves its limits or cannot be written as the job says, ProgramError for a number.
     """
     if not paths:
@@ -191,15 +196,22 @@ def write_program(
         raise MachineError(f"{dialect.name} has no template stop: {remedy}", dialect=dialect.name)
     check_end(job, machine)
     around = np.vstack([path.tips for path in paths])
+    bar = bar_of(stock, job.holding) if stock else None
+    if stock is not None:
+        touched = bar.top if bar else float(stock.bounds[1, 2])
+    # whole steps of its words: they have the same rounding wherever the zero is
+    on_bar = job.nc.part_zero == "bar" and touched is not None
+    zero_height = float(dialect.numbers.length.rounded(np.array([touched]))[0]) if on_bar else 0.0
     posted = list[Posted]()
     for index, path in enumerate(paths):
         report(progress, index / len(paths), f"level {path.level}: angles and words")
         before = posted[-1].moves.angles[-1] if posted else None
-        posted.append(post_path(path, machine, dialect, job, around, before=before))
+        posted.append(post_path(path, machine, dialect, job, around, before=before, zero_height=zero_height))
     bounds = np.array([around.min(0), around.max(0)]) if stock is None else stock.bounds.copy()
-    bar = bar_of(stock, job.holding) if stock is not None else None
     bounds[1, 2] = bar.top if bar else bounds[1, 2]
-    texts = [*comments, *(setup or setup_texts(job, stock, zero_words(machine, dialect)))]
+    told = setup or partial(setup_texts, job, stock)
+    texts = [*comments, *told(zero_words(machine, dialect), zero_height)]
+    texts += [zero_text(zero_height)] if zero_height else []
     air_check = air_check_texts(posted[0].control, dialect, float(bounds[1, 2]))
     ranges, start = travel_of(machine, job, posted)
     time = program_time(posted, start, job)
@@ -237,7 +249,8 @@ class ProgramWriter:
         self.feed = self.dialect.numbers.feed
         switch = self.dialect.tool_centre_switch(self.machine)
         self.on, self.off = (switch.on, switch.off) if switch else ("", "")
-        self.retract = self.length.text(float(self.start[2]))
+        self.zero_shift = self.posted[0].control.zero_shift
+        self.retract = self.length.text(float(self.start[2] - self.zero_shift[2]))
         rapid = np.clip(self.job.nc.rapid_feed, self.feed.lowest, self.feed.highest)
         self.rapid = self.feed.text(float(rapid))
 
@@ -277,27 +290,28 @@ class ProgramWriter:
             feeds=feed_figures(self.posted, self.job.path.feed_at),
             rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
             air_check=tuple(self.facts.air_check),
+            zero_height=self.posted[0].control.zero_height,
         )
 
     def _header(self) -> list[str]:
         """The first blocks: comments, the blank, and the safe start with the finest tolerances."""
         machine, dialect, job, posted = self.machine, self.dialect, self.job, self.posted
         fields = "low_x low_y low_z high_x high_y high_z".split()
-        blank = machine.in_machine(np.array(list(product(*self.facts.bounds.T))))
+        blank = machine.in_machine(np.array(list(product(*self.facts.bounds.T)))) - self.zero_shift
         box = np.array([blank.min(axis=0), blank.max(axis=0)])
         corners = dict(zip(fields, map(self.length.text, box.ravel()), strict=True))
         texts = [
             f"machine {machine.title}",
             f"control {dialect.title}",
             *self.facts.comments,
-            *parting_texts([one.path for one in posted]),
+            *parting_texts([one.path for one in posted], posted[0].control.zero_height),
             *tool_texts(job, posted, self.time),
             *control_texts(machine, dialect, posted),
             *axis_texts(machine, self.facts.ranges, dialect),
-            *(line for text in self.time.texts for line in textwrap.wrap(f"time {text}", WIDEST)),
+            *(f"time {text}" for text in self.time.texts),
             *(f"air check: {text}" for text in self.facts.air_check),
-            UNCHECKED,
-            UNSIMULATED,
+            *UNCHECKED,
+            *UNSIMULATED,
         ]
         return dialect.lines(
             "header",
@@ -346,7 +360,7 @@ class ProgramWriter:
                 spindle=self.dialect.numbers.spindle.text(cutter.spindle),
                 retract=self.retract,
                 endless=self.dialect.endless_block,
-                over_zero=over_zero(self.machine, self.dialect, self.start),
+                over_zero=over_zero(self.machine, self.dialect, self.start - self.zero_shift),
                 stop="\n".join(self.dialect.lines("stop", tool=cutter.number) if halts else []),
             )
         return lines

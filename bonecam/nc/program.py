@@ -95,7 +95,8 @@ class Program:
     `blocks` are its blocks (comments and continued blocks count once), `moves` the blocks that move an axis.
     `rewinds` is how often rotary axes are rewound off the part, `lifts` how often the path is lifted for it
     between two rapids. `rotary_max_deg_per_block` is the largest turn of one axis in a feed move, `tools` the cutter
-    numbers in their order, `air_check` what its header tells of the rotary axes.
+    numbers in their order, `air_check` what its header tells of the rotary axes. Its zero is `zero_height` (mm) above
+    that of the part's frame.
     """
 
     text: str
@@ -114,6 +115,7 @@ class Program:
     feeds: FeedFigures
     rotary_max_deg_per_block: float
     air_check: tuple[str, ...]
+    zero_height: float
 
     @property
     def time_min(self) -> float:

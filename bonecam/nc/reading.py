@@ -374,7 +374,7 @@ def _motions(state: ModalState, line: int) -> Motions:
         raise line_error(line, "the program has no end: its last blocks are missing")
     controls = {
         tool.number: Control(
-            state.machine, state.dialect.tool_centre, tool.envelope.radius, tool.length, tool.envelope.height
+            state.machine, state.dialect.tool_centre, tool.radius, tool.length, tool.radius, state.zero_height
         )
         for tool in state.tools.values()
     }

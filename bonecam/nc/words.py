@@ -38,6 +38,8 @@ from bonecam.tool.path import MoveKind
 
 NUMBER = 12
 """Characters that a comment's line keeps free for its number."""
+LEGIBLE, HEAD_NUMBER = 80, 6
+"""Characters of a line of the header, of these so many for its number: it is read on the screen of a control."""
 
 
 def wrapped(angles_deg: Float[ndarray, "*n"], lowest: float = -180.0) -> Float[ndarray, "*n"]:
@@ -48,8 +50,12 @@ def wrapped(angles_deg: Float[ndarray, "*n"], lowest: float = -180.0) -> Float[n
 
 
 def plain_text(text: str, characters: str) -> str:
-    """`text` in capitals, with a blank for every character that the control's comments cannot have; the + of a
-    direction such as X+, which would be lost beside X-, becomes PLUS."""
+    """`text` in capitals, with a blank for every character that the control's comments cannot have; of these the + of a
+    direction such as X+, which would be lost beside X-, becomes PLUS, % PERCENT, and brackets commas."""
+    if "%" not in characters:
+        text = re.sub(r" ?%", " percent", text)
+    if "(" not in characters and "," in characters:
+        text = re.sub(r" ?\((.*?)\)(?=(.?))", lambda match: f", {match[1]}{',' if match[2] == ' ' else ''}", text)
     if "+" not in characters:
         text = re.sub(r"(?<=[XYZ])\+", " PLUS", text)
     return "".join(letter if letter in characters else " " for letter in text.upper()).strip()
@@ -62,9 +68,11 @@ def comment(text: str, dialect: Dialect) -> str:
 
 
 def comments_of(text: str, dialect: Dialect) -> list[str]:
-    """A text in as many comments as it takes for no line to be longer than the control loads."""
+    """A text in as many comments as it takes for no line to be longer than LEGIBLE, or than the control loads."""
     plain = plain_text(text, dialect.comment_characters)
-    return [dialect.comment.format(text=piece) for piece in textwrap.wrap(plain, _room(dialect))]
+    legible = LEGIBLE - len(dialect.comment.format(text="")) - HEAD_NUMBER
+    pieces = textwrap.wrap(plain, min(_room(dialect), legible), break_on_hyphens=False)
+    return [dialect.comment.format(text=piece) for piece in pieces]
 
 
 def _room(dialect: Dialect) -> int:

@@ -260,8 +260,7 @@ def _stiffest(listed: Sequence[ListedTool], job: Job, limits: MachineLimits) -> 
         with suppress(JobError):
             check_lead(cutter, job.path.lead_deg)
             found.append((one.tool.radius, cutter_compliance(cutter), one))
-    balls = [row for row in found if row[2].tool.shape == "ball"]
-    softest_first = sorted(balls, key=lambda row: (row[0], -row[1]))
+    softest_first = sorted(found, key=lambda row: (row[0], -row[1]))
     return {radius: one for radius, _, one in softest_first}
 
 

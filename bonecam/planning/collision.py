@@ -127,15 +127,13 @@ def farthest(section: ToolSection) -> float:
 
 
 def cutter_mesh(cutter: Cutter, slack: float) -> TriangleMesh:
-    """The closed mesh of ball, bull nose or flat end and flutes with the tip at the origin and the axis along +Z,
+    """The closed mesh of ball and flutes with the tip at the origin and the axis along +Z,
     thinner by `slack`, mm."""
     end = cutter.profile[0].end
-    corner = max(cutter.corner, slack)
-    ring = cutter.radius - corner
-    thin = corner - slack
-    angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:] if thin else np.array([np.pi / 2])
-    radii = np.append(thin * np.sin(angle), thin) + ring
-    heights = np.append(corner - thin * np.cos(angle), end)
+    thin = cutter.radius - slack
+    angle = np.linspace(0, np.pi / 2, BALL_RINGS + 1)[1:]
+    radii = np.append(thin * np.sin(angle), thin)
+    heights = np.append(cutter.radius - thin * np.cos(angle), end)
     return revolve(radii, heights, (slack, end), SIDES)
 
 
@@ -253,7 +251,7 @@ def classify_poses(
         state[~(lowest >= scene.clamping.clearance)] = COLLIDING
     for section in cutter.profile[::-1]:
         open_ = np.flatnonzero(state < settled)
-        around = scene.around(section.name, cutter.envelope_radius, air)
+        around = scene.around(section.name, cutter.radius, air)
         traced = _trace(around, poses.take(open_), section, cutter)
         state[open_] = np.maximum(state[open_], traced)
     return state
@@ -290,13 +288,11 @@ def _trace(around: Surroundings, poses: Poses, section: ToolSection, cutter: Cut
         margin = here.shift + here.turn * np.hypot(u, radius)
         slope = here.turn
         if tangent:
-            near = NEAR_SLOPE * (u - cutter.centre_height)
+            near = NEAR_SLOPE * (u - cutter.radius)
             slope = np.where(near < margin, NEAR_SLOPE, slope)
             margin = np.minimum(margin, near)
         needed = radius - slack + margin
         points = here.tips + u[:, None] * here.axes
-        if section.name == "cutter" and not sphere:
-            needed = needed + cutter.envelope_radius - cutter.radius
         # every sphere but the first begins inside the empty one before
         distance = around.distance_bound(points, needed, outside=sphere > 0)
         # the height w at which a disc that grows by `slope` (shrinks, where negative) still fits into the sphere:
@@ -390,7 +386,7 @@ def build_fcl_model(scene: Scene, cutter: Cutter, margin: float = 0.0) -> FclMod
     columns: dict[Column, FclObject] = {}
     sections = []
     for section in cutter.profile:
-        around = scene.around(section.name, cutter.envelope_radius)
+        around = scene.around(section.name, cutter.radius)
         by = sweep_margin(cutter, section, margin) + scene.material_deviation
         at = 0.0
         if section.name == "cutter":
@@ -476,7 +472,7 @@ def classify_thick_tool(
     """
     sections: list[ThickSection] = []
     for section in cutter.profile:
-        around = scene.around(section.name, cutter.envelope_radius, air)
+        around = scene.around(section.name, cutter.radius, air)
         # the prisms that stand for columns
         columns = [replace(column, radius=column.radius * CIRCUMSCRIBED) for column in around.columns]
         around = replace(around, columns=tuple(columns))
@@ -493,7 +489,7 @@ def classify_thick_tool(
         states[open_, k] = _classify_section(tips[open_], axes[open_], sections[k])
 
     # Whether the ball, thinner by the scene's `tangent_slack`, is free
-    radius = cutter.envelope_radius
+    radius = cutter.radius
     centres = cutter.centres_of(tips, axes)
     distance = sections[0].around.distance_bound(centres, np.full(len(centres), radius))
     above = centres[:, 2] > radius + scene.clamping.clearance

@@ -535,7 +535,7 @@ class CandidateContacts:
 
     def depths(self, material: InProcessStock) -> Float[ndarray, " n"]:
         """How deep the ball enters the material at each contact, mm."""
-        return material.depths(self.centres, self.cutter.envelope_radius)[0]
+        return material.depths(self.centres, self.cutter.radius)[0]
 
     def path_of(self, segments: EngagedSegments) -> ContactPath:
         """The path over segments of these contacts; none of them is told uncut."""
@@ -578,11 +578,11 @@ def candidate_contacts(
     surface = level.surface
     curves = pattern_curves(surface, job.pattern, cutter, turn_speed)
     curves = order_curves(surface, curves, job.direction)
-    lines = sample_lines(surface, curves, cutter.envelope_radius, job.chord_tolerance, job.max_step)
+    lines = sample_lines(surface, curves, cutter.radius, job.chord_tolerance, job.max_step)
     line = lines.line
     parameters, directions = curves.at(line, lines.x)
     contacts, normals, feeds = contact_frames(surface, parameters, directions)
-    rings = post_rings(surface, post, cutter.envelope_radius, cutter.envelope_radius + post_clearance)
+    rings = post_rings(surface, post, cutter.radius, cutter.radius + post_clearance)
     for added in [*walls, *rings]:
         line = np.r_[line, np.full(len(added.parameters), line[-1] + 1)]
         parameters = np.vstack([parameters, added.parameters])
@@ -593,13 +593,11 @@ def candidate_contacts(
     joined = np.r_[line[1:] == line[:-1], False]
     max_lift = MAX_LIFT_RADII * cutter.radius
     tolerance = planned_tolerance(job.gouge_tolerance)
-    lifts = gouge_free_lifts(
-        contacts, normals, cutter.envelope_radius, tolerance, obstacles, joined=joined, max_lift=max_lift
-    )
-    centres = contacts + (cutter.envelope_radius + np.nan_to_num(lifts))[:, None] * normals
-    at_post = post.distance(centres) < cutter.envelope_radius + post_clearance
+    lifts = gouge_free_lifts(contacts, normals, cutter.radius, tolerance, obstacles, joined=joined, max_lift=max_lift)
+    centres = contacts + (cutter.radius + np.nan_to_num(lifts))[:, None] * normals
+    at_post = post.distance(centres) < cutter.radius + post_clearance
     for column in kept_off:
-        at_post |= column.distance(centres) < cutter.envelope_radius
+        at_post |= column.distance(centres) < cutter.radius
     in_air = np.zeros(len(contacts), dtype=bool)
     if isinstance(level, RoundedLevel):
         in_air = level.stock.signed_distance(contacts) > -MIN_THICKNESS
@@ -682,7 +680,7 @@ def _stretches(
     if allowed.least <= 0 or not candidates.level.index or isinstance(candidates.level, RoundedLevel):
         # what stays on the part is not cut later; and the places of the material do not follow the edges of a bar
         return segments
-    radius = candidates.cutter.envelope_radius
+    radius = candidates.cutter.radius
     centres = candidates.centres[segments.index] + segments.raised
     useful = np.zeros(len(usable), dtype=bool)
     lowers = material.useful(candidates.level, centres, segments.passes, radius, allowed.least)

@@ -11,7 +11,7 @@ are factors, from the programs of eight bones of 16 to 60 mm (`tests/benchmarks/
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -116,8 +116,8 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
         if len(shares) and least > 0:
             filled = least / before.limit * len(shares) - np.arange(len(shares))
             cut = float(1.0 - np.clip(filled, 0.0, 1.0) @ shares)
-        areas, curvatures = _offset(level.mesh, cutter.envelope_radius)
-        passes = cut * areas / float(side_step(cutter.envelope_radius, cutter.scallop, np.zeros(1))[0])
+        areas, curvatures = _offset(level.mesh, cutter.radius)
+        passes = cut * areas / float(side_step(cutter.radius, cutter.scallop, np.zeros(1))[0])
         steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
         length += float(passes.sum())
         minutes += float(passes.sum()) / cutter.feed
@@ -173,20 +173,3 @@ def _offset(mesh: TriangleMesh, radius: float) -> tuple[Float[ndarray, " f"], Fl
     edges = np.linalg.norm(offset.vertices[ends] - offset.vertices[starts], axis=2)
     curvatures = (turns / np.maximum(edges, np.finfo(float).eps)).mean(axis=1)
     return np.linalg.norm(offset.face_vectors, axis=1) / 2, curvatures
-
-
-def estimate_lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """What was expected of a program before it was planned, beside what came of it, in a line, where the `report` of a
-    run tells both."""
-    if "estimate" not in report or "nc" not in report:
-        return
-    expected, nc = report["estimate"], report["nc"]
-    length = sum(row["length_mm"] for row in report["toolpath"])
-    seconds = sum(report["cpu_seconds"].get(stage, 0.0) for stage in STAGES)
-    pairs = (
-        (f"{expected['length_mm'] / 1000:.1f}", f"{length / 1000:.1f}", "m"),
-        (expected["blocks"], nc["blocks"], "blocks"),
-        (f"{expected['machining_min']:.0f}", f"{nc['time_min']:.0f}; at least {expected['least_min']:.0f}", "min"),
-        (expected["planning_cpu_s"], f"{seconds:.0f}", "CPU s"),
-    )
-    yield f"expected  {', '.join(f'{estimated} {what} (came to {came})' for estimated, came, what in pairs)}"

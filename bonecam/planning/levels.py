@@ -115,7 +115,7 @@ def within_depth(
     balls, axes = path.balls[cutting], path.axes[cutting]
     touching = np.zeros(len(cutting), dtype=bool)
     for place in points:
-        height = np.clip(dots(place - balls, axes), path.cutter.corner - path.cutter.centre_height, path.cutter.reach)
+        height = np.clip(dots(place - balls, axes), 0.0, path.cutter.reach)
         away = np.linalg.norm(place - balls - height[:, None] * axes, axis=1)
         touching |= away < path.cutter.radius + grid.cell
 

@@ -237,7 +237,7 @@ class LinkSpace:
     @property
     def ball_radius(self) -> float:
         """Radius of the ball that holds the end of the cutter, mm."""
-        return self.checker.cutter.envelope_radius
+        return self.checker.cutter.radius
 
     @cached_property
     def surface(self) -> ClearanceSurface:

@@ -391,7 +391,7 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
         # polyline (k, 2) of parameters s, t. JobError where it gives none.
         lines = added("patterns", pattern)
         with run_added("patterns", pattern):
-            drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.envelope_radius, cutter.scallop)]
+            drawn = [np.asarray(line, dtype=float) for line in lines(surface, cutter.radius, cutter.scallop)]
         if not drawn or not all(line.ndim == 2 and line.shape[1] == 2 and len(line) > 1 for line in drawn):
             remedy = "give one polyline or more, each an array (k, 2) of s and t with two points or more"
             raise JobError(f"the pattern {pattern!r} that was added gives no lines: {remedy}", pattern=pattern)
@@ -412,7 +412,7 @@ def pattern_curves(surface: TSpline, pattern: str, cutter: Cutter, turn_speed: f
 def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: float) -> float:
     """Minutes that a machine takes for the curves at least."""
     samples = dense_samples(curves, MOVES)
-    centres = ball_centres(surface, samples, cutter.envelope_radius)
+    centres = ball_centres(surface, samples, cutter.radius)
     same = samples.line[1:] == samples.line[:-1]
     ways = np.linalg.norm(np.diff(centres, axis=0), axis=1)[same]
     turns = 2 * np.pi * np.abs(np.diff(samples.parameters[:, 0]))[same]
@@ -423,13 +423,13 @@ def curve_minutes(surface: TSpline, curves: Curves, cutter: Cutter, turn_speed: 
     # Minutes from curve to curve, for a ball of `radius`
     curves = order_curves(surface, curves, "zigzag")
     starts, ends = (surface.positions(*curves.knots[index].T) for index in (curves.first, curves.last))
-    near = np.linalg.norm(starts[1:] - ends[:-1], axis=1) <= NEAR_RADII * cutter.envelope_radius
+    near = np.linalg.norm(starts[1:] - ends[:-1], axis=1) <= NEAR_RADII * cutter.radius
     return float(cuts + float(np.where(near, STEP_OVER, RETRACT).sum()))
 
 
 def _candidates(surface: TSpline, names: Sequence[str], cutter: Cutter, turn_speed: float) -> Iterator[Curves]:
     """Every way to lay the patterns of these names."""
-    radius, scallop = cutter.envelope_radius, cutter.scallop
+    radius, scallop = cutter.radius, cutter.scallop
     for name in ISO_PARAMETRIC:
         if name in names:
             lines = "round" if name == "round" else "along"

@@ -68,7 +68,7 @@ def needed_lifts(
     for section in cutter.profile:
         count = int(np.ceil((section.end - section.start) / SLICE)) + 1
         for u in np.linspace(section.start, section.end, count):
-            discs.append((float(u) - cutter.centre_height, section.widest, section.name))
+            discs.append((float(u) - cutter.radius, section.widest, section.name))
     rims = [radius * across - height * directions[:, 2] for height, radius, _ in discs]
     above_table = clamping.clearance + ROOM + (sunk + np.max(rims, axis=0))
     offsets, squares, above = [], [], []
@@ -248,10 +248,10 @@ def _contacts_on(
     for corner in range(3):
         np.add.at(across, mesh.faces[:, corner], mesh.face_vectors)
     normals = unit(across[kept])
-    centres = mesh.vertices[kept] + cutter.envelope_radius * normals
+    centres = mesh.vertices[kept] + cutter.radius * normals
     scene = _scene_of(mesh, setup, job, depth)
-    held = setup.post.distance(centres) < cutter.envelope_radius
-    gouging = scene.level_distance.signed(centres) < cutter.envelope_radius - GOUGE
+    held = setup.post.distance(centres) < cutter.radius
+    gouging = scene.level_distance.signed(centres) < cutter.radius - GOUGE
     good = ~held & ~gouging
     return SampledContacts(CollisionChecker(scene, cutter), centres[good], normals[good])
 

@@ -113,7 +113,7 @@ class RestMachining:
         self.taken += 1
         # The step, lifted where the raised ball would enter what must remain, and cut apart where it does not fit.
         candidates = step.candidates
-        radius = step.candidates.cutter.envelope_radius
+        radius = step.candidates.cutter.radius
         index = np.concatenate(step.runs)
         ends = np.cumsum([len(run) for run in step.runs])
         joined = np.ones(len(index), dtype=bool)
@@ -144,7 +144,7 @@ def after_steps(path: ContactPath, material: InProcessStock, allowed: DepthLimit
     """The contacts of a rest path but those at which the ball would still be too deep. A pass
     ends there, and where the straight way to its next contact is too deep: over a ridge that balls are raised out of
     to both sides. None where all of the path is in air."""
-    radius = path.cutter.envelope_radius
+    radius = path.cutter.radius
     depth, _ = material.depths(path.centres, radius)
     if not (depth > UNCERTAIN).any():
         return path.take(np.zeros(0, dtype=np.int64))
@@ -241,7 +241,7 @@ def _step(
     shift = np.zeros((len(centres), 3))
     left = np.arange(len(centres))
     for _ in range(MAX_ROUNDS):
-        sunk, away = material.depths(centres[left] + shift[left], candidates.cutter.envelope_radius)
+        sunk, away = material.depths(centres[left] + shift[left], candidates.cutter.radius)
         more = sunk - wanted[left]
         moved = more > UNCERTAIN / 2
         left = left[moved]

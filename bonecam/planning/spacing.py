@@ -568,14 +568,14 @@ def with_arcs(surface: TSpline, curves: Curves, cutter: Cutter) -> Curves:
     t = np.linspace(*tangent_range(surface), ARCS_ALONG)
     parameters = np.column_stack([each.ravel() for each in np.meshgrid(s, t, indexing="ij")])
     points, normals, _ = contact_frames(surface, parameters, ROUND)
-    fits = -surface.curvature(*parameters.T).k2 * cutter.envelope_radius < FITS
+    fits = -surface.curvature(*parameters.T).k2 * cutter.radius < FITS
     fits = fits.reshape(ARCS_AROUND, ARCS_ALONG)
     order, cell_starts, corner = probe_cells(points, CELL)
     normal_probes = ProbesByCell(points[order], normals[order], cell_starts, corner, CELL)
     heights = np.full(len(points), REACH * cutter.scallop)
     pieces = np.split(curves.knots, curves.first[1:])
     added = curves
-    radius = cutter.envelope_radius
+    radius = cutter.radius
     for _ in range(ROUNDS):
         # The heights of the normal probes behind the balls that sweep the curves
         lines = sample_lines(surface, added, radius, CHORD * cutter.scallop, LONGEST * radius)

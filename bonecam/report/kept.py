@@ -321,8 +321,10 @@ SURFACE = "surface.tspline"
 """The surface of level 0 in a kept folder, exact."""
 GIVEN = "given.ply"
 """The mesh as given, in the program's frame."""
-STOCK = re.compile(r"STOCK\W .* FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
-"""What the header says of the stock."""
+STOCK = re.compile(r"STOCK\W+FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
+"""What the header says of the stock's ends, over the program's zero."""
+ZERO = re.compile(r"ZERO HEIGHT ([\d.]+) OVER")
+"""What it says of the height of that zero."""
 SAME_STOCK = 0.1
 """A kept stock is a mesh: its ends lie within this of those of the header, mm; so do stumps."""
 REMEDY = "give the folder that `convert --keep` wrote beside the program"
@@ -349,9 +351,10 @@ def kept_levels(text: str, program: Path, keep: Path) -> tuple[TriangleMesh, Tri
         raise file_error(keep, "has no levels (level_00.ply, ...)", REMEDY)
     stock = read_mesh(keep / names[-1])
     # ProgramError where the header tells another stock than the kept one
-    reported = STOCK.search(header_of(text))
+    header = header_of(text)
+    reported, zero = STOCK.search(header), ZERO.search(header)
     if reported is not None:
-        heights = [float(reported[1]), float(reported[2])]
+        heights = [float(end) + (float(zero[1]) if zero else 0.0) for end in reported.groups()]
         kept_heights = stock.bounds[:, 2].tolist()
         if max(abs(a - b) for a, b in zip(heights, kept_heights, strict=True)) > SAME_STOCK:
             raise ProgramError(

@@ -146,10 +146,9 @@ def _tool(cutter: Cutter, tip: Float[ndarray, "3"], axis: Float[ndarray, "3"]) -
     ball = revolve(cutter.radius * np.sin(angle), cutter.radius * (1 - np.cos(angle)), (0.0, cutter.radius), SIDES)
     sections = [
         (section.name, bar(section.start, section.end, section.radius, section.end_radius))
-        for section in (*cutter.bull_end, *cutter.profile)
+        for section in cutter.profile
     ]
-    end = [] if cutter.is_bull else [("cutter", ball)]
-    return [(name, mesh.move(pose)) for name, mesh in [*end, *sections]]
+    return [(name, mesh.move(pose)) for name, mesh in [("cutter", ball), *sections]]
 
 
 def bar(start: float, end: float, radius: float, end_radius: float) -> TriangleMesh:

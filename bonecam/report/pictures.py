@@ -646,7 +646,7 @@ def draw_toolpath(
         if post:
             draw_post(plot, post, levels)
         cuts = int((item.kinds == MoveKind.CUT).sum())
-        message = f"{item.cutter.end_name} R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
+        message = f"ball R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
         title = f"level {item.level}\n{message}"
         plot.set_title(title, fontsize="medium")
     plots[0].set_ylabel("z (mm)")

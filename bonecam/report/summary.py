@@ -26,10 +26,9 @@ from bonecam.machine.limits import MachineLimits, rotary_turns
 from bonecam.planning.axes.lead import lead_axes
 from bonecam.planning.axes.tool_axes import choose_axes
 from bonecam.planning.collision import CollisionChecker
-from bonecam.planning.estimate import estimate_lines
 from bonecam.planning.scene import Scene
 from bonecam.report.stage_reports import parting_text
-from bonecam.report.warnings import WIDTH, cutter_lines, feed_lines, mechanics_lines, post_lines, warning_lines
+from bonecam.report.warnings import WIDTH, cutter_lines, mechanics_lines, post_lines, warning_lines
 from bonecam.setup.stock import stock_text
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
 from bonecam.verify.findings import given_lines, into_given
@@ -185,25 +184,6 @@ def _high(values: Float[ndarray, " k"]) -> float:
     return float(np.percentile(values, HIGH)) if len(values) else 0.0
 
 
-def _cone_lines(toolpath: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Which shape cones have, if not all are elliptic, and what FCL says of them and of poses outside of them, where it
-    was asked."""
-    shapes = {row["level"]: row["cones"]["shape"] for row in toolpath if row["cones"]}
-    circular = list(shapes.values()).count("circular")
-    if circular:
-        where = f"{circular} of {counted(len(shapes), 'level')}"
-        yield f"cones     circular on {where}, where axes turn sooner or less in these"
-    checks = {row["level"]: row["cones"]["fcl"] for row in toolpath if row["cones"]}  # all paths of a level share one
-    of_names = ([check[name] for check in checks.values() if check] for name in ("asked", "narrowed", "refused"))
-    asked, narrowed, refused = map(sum, of_names)
-    if asked:
-        yield f"cones     {asked} checked by planes, else by FCL: {narrowed} narrowed, {refused} refused"
-    poses = [row["poses"] for row in toolpath if row["poses"]]
-    asked, refused = (sum(pose[name] for pose in poses) for name in ("asked", "refused"))
-    if asked:
-        yield f"poses     {asked} outside of such cones put before FCL one by one: {refused} refused"
-
-
 NOT_SIMULATED = {"skipped": "the removal of material was not simulated"}
 """The section `removal` of a report without a simulation."""
 WHY = {
@@ -218,50 +198,21 @@ WHY = {
 """What each reason for leaving a contact uncut means."""
 
 
+MOST_LINES = 25
+"""Lines of a summary at most."""
+WARNING_LINES = 6
+"""Lines that its warnings have at least, if they need them."""
+
+
 def summary_of(report: Mapping[str, Any]) -> str:
-    """The report in a few lines for a person; it may end at the levels."""
-    lines = [
-        *warning_lines([*report["warnings"], *report.get("second", {"warnings": ()})["warnings"]]),
-        *_part_lines(report["input"], report["surface"]),
-        f"stock     {stock_text(report['stock'])}",
-        *cutter_lines(report.get("cutters")),
-        *post_lines(report.get("post")),
-        *_levels_lines(report),
-        *(program_lines(report) if "nc" in report else ()),
-        *estimate_lines(report),
-        *(removal_lines(report["removal"]) if "removal" in report else ()),
-        *mechanics_lines(report.get("mechanics")),
-        *feed_lines(report.get("feed")),
-        *(_second_lines(report["second"]) if "second" in report else ()),
-        *(
-            f"{name:9} {', '.join(f'{key} {figure}' for key, figure in of.items())}"
-            for name, of in report.get("added", {}).items()
-        ),
-        f"time      {sum(report['seconds'].values()):.1f} s",
-    ]
-    return "\n".join(lines)
+    """What a person decides on, in MOST_LINES lines at most, the verdict first; it may end at the levels. All other
+    figures stand in the report alone."""
+    return _told(report, [*_part_lines(report), *_levels_lines(report)])
 
 
 def second_text(second: Mapping[str, Any]) -> str:
     """The section `second` of a report in a few lines."""
     return "\n".join(_second_lines(second))
-
-
-def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
-    """The program of the second clamping, and what it leaves where the post stood."""
-    yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks"
-    yield from (f"          {text}" for text in second["time_texts"])
-    spaces = second["removal"]["clearance_mm"]
-    clear = ", ".join(f"{part} {_clearance_text(value)}" for part, value in spaces.items())
-    yield f"          gouge {1000 * second['gouge_max_mm']:.2f} um, rapids cut nothing; {clear}"
-    before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]
-    most = f"{second['at_post_after_max_mm']:.2f} mm at most"
-    yield from mechanics_lines(second["mechanics"])
-    yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}"
-    if second.get("at_tailstock_mm2"):
-        yield f"          {second['at_tailstock_mm2']:.1f} mm2 at the tailstock stay, to be cut by hand"
-    yield from into_given(second)
-    yield from (f"          {line}" for line in given_lines(second["removal"].get("given")))
 
 
 def finished_summary(report: Mapping[str, Any]) -> str:
@@ -272,33 +223,97 @@ def finished_summary(report: Mapping[str, Any]) -> str:
 
 
 def surface_summary(report: Mapping[str, Any], shape: Sequence[str], levels: Sequence[str] = ()) -> str:
-    """The warnings of a report, lines on the `shape`, its post, lines on its `levels`, and its program."""
+    """The verdict on a report, what a person decides on, lines on the `shape`, its post, and lines on its `levels`."""
+    return _told(report, [*shape, *post_lines(report["post"]), *levels])
+
+
+def _told(report: Mapping[str, Any], made: Iterable[str]) -> str:
+    """The summary of a report with the lines on what was `made`."""
+    warnings = [*report["warnings"], *report.get("second", {"warnings": ()})["warnings"]]
     lines = [
-        *warning_lines(report["warnings"]),
-        *shape,
-        *post_lines(report["post"]),
-        *levels,
-        *program_lines(report),
-        *removal_lines(report["removal"]),
-        *mechanics_lines(report.get("mechanics")),
+        *(_decision_lines(report) if "nc" in report else ()),
+        *(_second_lines(report["second"]) if "second" in report else ()),
+        *made,
+        *(
+            f"{name:9} {', '.join(f'{key} {figure}' for key, figure in of.items())}"
+            for name, of in report.get("added", {}).items()
+        ),
         f"time      {sum(report['seconds'].values()):.1f} s",
     ]
-    return "\n".join(lines)
+    first = [f"verdict   {_verdict(report, len(warnings))}"]
+    first += _at_most(list(warning_lines(warnings)), max(MOST_LINES - 1 - len(lines), WARNING_LINES))
+    return "\n".join(_at_most([*first, *lines], MOST_LINES))
 
 
-def _part_lines(mesh: Mapping[str, Any], surface: Mapping[str, Any]) -> Iterator[str]:
-    """The mesh, what is to be known of it, its repairs; size and deviation of the surface, its tolerance and where that
-    comes from; and where the mesh was repaired, how far the surface is from it as it was given."""
-    yield f"mesh      {mesh['faces']} faces, {mesh['units']}; {counted(len(mesh['repairs']), 'repair')}"
-    for kind, sentences in (("note      ", mesh["notes"]), ("repair    ", mesh["repairs"])):
-        yield from (kind + sentence for sentence in sentences)
-    deviation = f"max {surface['deviation_max_mm']:.3f} rms {surface['deviation_rms_mm']:.3f} mm"
-    yield f"surface   {surface['control_points']} control points, deviation {deviation}"
-    yield f"          tolerance {surface['tolerance_mm']:g} mm: {surface['tolerance_why']}"
-    if mesh["repairs"]:
-        given = f"{surface['given_deviation_max_mm']:.3f} mm to the mesh as given"
-        moved = f"{mesh['repair_deviation_max_mm']:.3f} mm of repair, smoothing and filling"
-        yield f"as given  max {given}, with {moved}"
+def _at_most(lines: list[str], most: int) -> list[str]:
+    """So many of the lines; the last one then tells how many stand in the report alone."""
+    if len(lines) <= most:
+        return lines
+    return [*lines[: most - 1], f"          {len(lines) - most + 1} more lines: see report and page"]
+
+
+def _verdict(report: Mapping[str, Any], warnings: int) -> str:
+    """How far the run came, what is proven, and how many warnings there are."""
+    how = "no program, levels only"
+    if "nc" in report:
+        how = f"{report['nc']['file'] or 'the program'} is proven from its text"
+        how += ", not simulated" if "skipped" in report["removal"] else " and simulated"
+    return f"{how}; {counted(warnings, 'warning')}"
+
+
+def _decision_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """Minutes, what is left, what is cut in, bending, tools, and the program."""
+    toolpath, nc = report["toolpath"], report["nc"]
+    yield f"minutes   {nc['time_texts'][0]}"
+    if "feed" in report:
+        before, after = report["feed"]["time_min"]
+        yield f"          feeds by the force: {after:.1f} min, {before:.1f} with one feed a cutter"
+    tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
+    proven = [f"gouge {gouge_um:.2f} um, tip as read back {tip_um:.2f} um off", *into_given(nc)]
+    yield f"cut in    {'; '.join(proven)}"
+    yield from removal_lines(report["removal"])
+    yield from mechanics_lines(report.get("mechanics"))
+    areas = sorted(report["uncut_mm2"].items(), key=lambda item: -item[1])
+    if areas:
+        yield from _filled(f"uncut     {', '.join(f'{area:.1f} mm2 {WHY[reason]}' for reason, area in areas)}")
+    yield from cutter_lines(report.get("cutters"), toolpath)
+    if "parting" in report:
+        yield f"parting   {parting_text(report['parting'])}"
+    mill = f"{nc['machine']} / {nc['controller']}"
+    files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
+    yield f"nc        {nc['file'] or 'not written'}{files}: {nc['blocks']} blocks for {mill}"
+
+
+def _filled(line: str) -> list[str]:
+    """A line with its label in two of the terminal's at most; what goes beyond stands in the report."""
+    return textwrap.wrap(line, WIDTH, subsequent_indent=" " * 10, max_lines=2, placeholder=" ... (report)")
+
+
+def _second_lines(second: Mapping[str, Any]) -> Iterator[str]:
+    """The program of the second clamping, and what it leaves where the post stood."""
+    yield f"second    {second['file'] or 'not written'}: {second['blocks']} blocks, {second['time_texts'][0]}"
+    before, after = second["at_post_before_mm2"], second["at_post_after_mm2"]
+    most = f"{second['at_post_after_max_mm']:.2f} mm at most"
+    tailstock = second.get("at_tailstock_mm2")
+    by_hand = f"; {tailstock:.1f} mm2 at the tailstock are cut by hand" if tailstock else ""
+    yield f"          {after:.1f} of {before:.1f} mm2 at the post still keep more than 0.02 mm, {most}{by_hand}"
+    given = *into_given(second), *given_lines(second["removal"].get("given"))
+    yield from (f"          {line}" for line in given)
+    yield from mechanics_lines(second["mechanics"])
+
+
+def _part_lines(report: Mapping[str, Any]) -> Iterator[str]:
+    """The mesh, what is to be known of it, its repairs; size and deviation of the surface, from the mesh as it was
+    given too where that was repaired; stock and post."""
+    mesh, surface = report["input"], report["surface"]
+    about = [*mesh["notes"], *mesh["repairs"]]
+    repairs = counted(len(mesh["repairs"]), "repair")
+    yield from _filled("; ".join([f"mesh      {mesh['faces']} faces, {mesh['units']}", repairs, *about]))
+    given = f"; {surface['given_deviation_max_mm']:.3f} mm from the mesh as given" if mesh["repairs"] else ""
+    deviation = f"{surface['deviation_max_mm']:.3f} mm off at most, tolerance {surface['tolerance_mm']:g}{given}"
+    yield f"surface   {surface['control_points']} control points, {deviation}"
+    yield f"stock     {stock_text(report['stock'])}"
+    yield from post_lines(report.get("post"))
 
 
 def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
@@ -311,7 +326,7 @@ def _levels_lines(report: Mapping[str, Any]) -> Iterator[str]:
     breaks = report["levels_break_mm"]
     broken = f"; a limit is broken by {breaks:.4f} mm" if breaks else ""
     yield f"levels    {cuts_text(report)}{broken}"
-    yield f"certified {certified_text(report['levels'], report['levels_method'])}"
+    yield from _filled(f"certified {certified_text(report['levels'], report['levels_method'])}")
 
 
 def cuts_text(report: Mapping[str, Any]) -> str:
@@ -322,82 +337,37 @@ def cuts_text(report: Mapping[str, Any]) -> str:
     return f"{counted(len(levels) - 1, 'cut')}, {bound}; depth max {deepest:.4f} mm"
 
 
-def program_lines(report: Mapping[str, Any]) -> Iterator[str]:
-    """Paths, program and proof."""
-    toolpath, nc = report["toolpath"], report["nc"]
-    length, trimmed = (sum(row[name] for row in toolpath) for name in ("length_mm", "trimmed_mm"))
-    contacts = sum(row["contacts"] for row in toolpath)
-    yield f"toolpath  {contacts} contacts, {length:.0f} mm of passes; {trimmed:.0f} mm through air left out"
-    total, along = (sum(row[name] for row in toolpath) for name in ("entries", "entries_tangential"))
-    if total:
-        yield f"entries   {along} of {counted(total, 'cut')} begin tangentially, on arcs; {total - along} straight"
-    for number, line in enumerate(uncut_lines(toolpath, report["uncut_mm2"])):
-        label = "" if number else "uncut"
-        yield textwrap.fill(line, WIDTH, initial_indent=f"{label:10}", subsequent_indent=" " * 12)
-    yield from _cone_lines(toolpath)
-    # where smooth axes come nearer to the normal than they should
-    near = [row for row in toolpath if row["near_normal_contacts"]]
-    if near:
-        tipped, forced = (sum(row[f"near_normal_{name}"] for row in near) for name in ("contacts", "without_choice"))
-        most = max(near, key=lambda row: row["near_normal_contacts"])
-        where = f"{most['near_normal_contacts']} of them on level {most['level']}"
-        choice = f"{forced} have no other in their cones"
-        share = f"{tipped / contacts:.1%} of the contacts"
-        yield f"lead      {share} are cut nearer to the ball's tip than path.least_lead_deg"
-        yield f"          {tipped} contacts, {where}; {choice}"
-    if "parting" in report:
-        yield f"parting   {parting_text(report['parting'])}"
-    mill = f"{nc['machine']} / {nc['controller']}"
-    files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
-    yield f"nc        {nc['file'] or 'not written'}{files}: {nc['blocks']} blocks for {mill}"
-    yield from (f"          {text}" for text in nc["time_texts"])
-    if nc["rewinds"]:
-        lifted = f", {nc['rewinds_lifted']} of them lifted from a cut or a link and set down again"
-        reported = lifted if nc["rewinds_lifted"] else ""
-        yield f"rewinds   {counted(nc['rewinds'], 'rewind')} of the rotary axes off the part{reported}"
-    median, low = nc["feed_median_mm_min"], nc["feed_low_mm_min"]
-    share = f"an axis limits {nc['feed_axis_limited_share']:.0%} of the cutting blocks"
-    yield f"feed      median {median:.0f}, a tenth below {low:.0f} mm/min; {share}"
-    if nc["feed_under_half_blocks"]:
-        slow = counted(nc["feed_under_half_blocks"], "cutting block")
-        yield f"          {slow} under half of the cutter's feed: axes or plunges"
-    tip_um, gouge_um = nc["readback_tip_error_mm"] * 1000, nc["gouge_max_mm"] * 1000
-    yield f"proof     tip {tip_um:.2f} um, axis {nc['readback_axis_error_deg']:.4f} deg, gouge {gouge_um:.2f} um"
-    yield from into_given(nc)
-
-
 def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
-    """What the simulation of the posted text found."""
+    """What the simulation of the posted text found: what is left, also beside the mesh as given, and what the tool
+    meets."""
     if "skipped" in removal:
         yield f"removal   {removal['skipped']}"
         return
-    over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
-    left, cell = removal["left"], removal["cell_mm"]
-    deepest = f"depth at most {over:.2f} mm over its limit"
-    links = removal["links"]
-    linked = f"no link cuts over {links['allowed_mm3']:g} mm3"
-    if links["most_mm3"] is not None:
-        where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
-        linked = f"links {links['removed_mm3']:.2f} mm3, {where}"
-    yield f"removal   rapids cut nothing, {linked}; {deepest} (cells of {cell:g} mm)"
-    spaces = (f"{part} {_clearance_text(value)}" for part, value in removal["clearance_mm"].items())
-    yield f"clear     {', '.join(spaces)}"
-    away = f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
+    left, links = removal["left"], removal["links"]
     reasons = left["by_reason"]
     why = f"{reasons['gouge']:.1f} in hollows, {reasons['reachable']:.1f} where the ball fits"
     if reasons.get("limits"):
         why += f", {reasons['limits']:.1f} beyond the machine's tool axes"
-    yield f"left      {away} ({why}); at the post {reasons['post']:.1f} mm2"
+    beside = f"{reasons['post']:.1f} at the post"
     if reasons.get("tailstock"):
-        yield f"          at the tailstock {reasons['tailstock']:.1f} mm2"
+        beside += f", {reasons['tailstock']:.1f} at the tailstock"
+    yield from _filled(f"left      {left_text(left)}: {why}; and {beside}")
     yield from (f"as given  {line}" for line in given_lines(removal.get("given")))
-    if removal.get("bridge_diameter_mm") is not None:
-        yield f"          {removal['bridge_diameter_mm']:.2f} mm of the post hold the parted part"
+    linked = f"no link over {links['allowed_mm3']:g} mm3"
+    if links["most_mm3"] is not None:
+        where = f"{links['depth_max_mm']:.2f} mm deep in line {links['depth_max_line']}"
+        linked = f"links {links['removed_mm3']:.2f} mm3, {where}"
+    over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
+    yield f"removal   rapids cut nothing, {linked}; depth at most {over:.2f} mm over its limit"
+    spaces = ", ".join(
+        f"{part} {'far' if value is None else f'{value:.2f} mm'}" for part, value in removal["clearance_mm"].items()
+    )
+    yield f"clear     {spaces}"
 
 
-def _clearance_text(value: float | None) -> str:
-    """A clearance; None where it is larger than is looked at."""
-    return "far" if value is None else f"{value:.2f} mm"
+def left_text(left: Mapping[str, Any]) -> str:
+    """What stays on the part away from its post."""
+    return f"{left['area_over_0_02_mm2']:.1f} mm2 keep more than 0.02 mm, {left['max_mm']:.2f} mm at most"
 
 
 def certified_text(levels: Sequence[Mapping[str, Any]], method: str = "qp") -> str:

@@ -49,7 +49,7 @@ def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
         lines.append(f"PPRINT/{BESIDE.get(path.level, f'level {path.level}').upper()}")
         if path.cutter.number != tool:
             tool = path.cutter.number
-            lines += [f"LOADTL/{tool}", f"CUTTER/{2 * path.cutter.radius:.6f},{path.cutter.corner:.6f}"]
+            lines += [f"LOADTL/{tool}", f"CUTTER/{2 * path.cutter.radius:.6f},{path.cutter.radius:.6f}"]
             lines.append(f"SPINDL/RPM,{path.cutter.spindle:.0f},CLW")
         lines += _moves(path)
     return "\n".join([*lines, "FINI", ""])

@@ -1,7 +1,7 @@
 """What must not be quiet in a run: its warnings, each with a code, a figure, its limits and a remedy; and what a
 summary tells of cutters, of what holds the part, and of force and bending.
 
-Warnings stand in `warnings` of the report, and first in the summary, on the page and on the sheet; what is known
+Warnings stand in `warnings` of the report, below the summary's verdict, on the page and on the sheet; what is known
 before the text is posted stands in the program's header. The section [warnings] of the job has the limits: above the
 first a figure is told, above the second the job is refused.
 """
@@ -31,21 +31,11 @@ def mechanics_lines(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
     if "skipped" in mechanics:
         yield f"bending   {mechanics['skipped']}"
         return
-    levels = mechanics["levels"]
-    mean, high, most = (
-        max((level[name] for level in levels), default=0.0) for name in ("force_mean_n", "peak_p95_n", "peak_max_n")
-    )
-    yield f"force     up to {mean:.1f} N in the mean of a level, peaks {high:.0f} N at 95 %, {most:.0f} N at most"
     yield f"bending   {bending_text(mechanics)}"
+    most = max((level["peak_max_n"] for level in mechanics["levels"]), default=0.0)
     low, up = mechanics["band"]
-    yield f"          authors differ for {mechanics['material']}: {low:g} to {up:g} times this"
-    yield from (f"          {fault}" for fault in mechanics["faults"])
-    yield from (
-        f"          {one['what']} would keep {one['p99_um']:.1f} um at {one['stress_mpa']:.0f} MPa"
-        for one in mechanics["remedies"]
-    )
-    if mechanics["scaled"]:
-        yield f"          {mechanics['coefficients']}"
+    authors = f"authors differ for {mechanics['material']}: {low:g} to {up:g} times this"
+    yield f"          force {most:.0f} N at most; {authors}"
 
 
 def bending_text(mechanics: Mapping[str, Any]) -> str:
@@ -60,99 +50,41 @@ def bending_text(mechanics: Mapping[str, Any]) -> str:
     return f"{error}{stress}; lowest at {mechanics['first_hz']:.0f} Hz, edges {mechanics['tooth_hz']:.0f}"
 
 
-def feed_lines(feed: Mapping[str, Any] | None) -> Iterator[str]:
-    """What feeds by the force have won, the section `feed` of a report."""
-    if feed:
-        before, after = feed["time_min"]
-        yield f"feed      by the force: {after:.1f} min, {before:.1f} with one feed a cutter"
-        for one in feed["cutters"]:
-            (high, lower), (most, least) = one["peak_p95_n"], one["peak_max_n"]
-            peaks = f"{lower:.0f} N at 95 %, {least:.0f} at most, before {high:.0f} and {most:.0f}"
-            yield f"          tool {one['tool']} to peaks of {one['target_n']:.0f} N: {peaks}"
-
-
-def cutter_lines(cutters: Mapping[str, Any] | None) -> Iterator[str]:
-    """The best sets of cutters that were tried, where they were chosen, the one that is taken first; and what a cutter
-    that the list lacks would bring."""
+def cutter_lines(cutters: Mapping[str, Any] | None, toolpath: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+    """The cutters that were chosen, and what a finer ball would leave; else the radii of those of the `toolpath`."""
     if cutters is None:
+        balls = " / ".join(dict.fromkeys(f"{row['cutter_radius_mm']:g}" for row in toolpath))
+        yield f"tools     radius {balls} mm"
         return
-    sets = [*cutters["sets"], *([cutters["more"]] if "more" in cutters else [])]
-    names = [" / ".join(one[name] or "own" for name in CUTTERS if name in one) for one in sets]
-    width = max(map(len, names))
-    yield f"cutters   {'':{width}}   min  left mm2    mm  at post mm2    um   MPa"
-    for name, one in zip(names, sets, strict=True):
-        left = f"{one['left_mm2']:9.1f} {one['left_mm']:5.2f} {one['at_post_mm2']:12.0f}"
-        told = "  with the catalogue" if one is cutters.get("more") else "" if one["holds"] else "  gives way"
-        bends = f"{one['shift_um']:5.1f} {one['stress_mpa']:5.0f}"
-        yield f"          {name:{width}} {one['minutes']:5.1f} {left} {bends}{told}"
-    yield f"          foretold; the best of {cutters['tried']} sets"
+    first = cutters["sets"][0]
+    names = " / ".join(first[name] or "own" for name in CUTTERS if name in first)
+    yield f"tools     {names}, the best of {cutters['tried']} sets"
     if "finer" in cutters:
-        stays = f"{sets[0]['left_mm']:.2f} mm stay in {sets[0]['left_mm2']:.1f} mm2 of hollows"
         finer = cutters["finer"]
-        less = f"{finer['left_mm']:.2f} mm in {finer['left_mm2']:.1f} mm2 for {finer['minutes']:.1f} min more"
-        yield f"          {stays}: fine.preset = {finer['preset']} would leave {less}"
+        less = f"{finer['left_mm']:.2f} mm in {finer['left_mm2']:.1f} mm2 of hollows"
+        yield f"          fine.preset = {finer['preset']} would leave {less} for {finer['minutes']:.1f} min more"
 
 
 def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
-    """The post, what it stands on, and what would shorten it."""
+    """The post, what it stands on, and what holds the free end, in a line."""
     if post is not None:
-        length = post.get("neck_mm", post["length_mm"])
-        yield f"post      {post['diameter_mm']:g} x {length:g} mm"
-        for name, column in reversed(post.get("held_by", {}).items()):
-            sizes = f"{column['diameter_mm']:g} mm, z {column['from_mm']:g} to {column['to_mm']:g}"
-            yield f"          on a {name} of {sizes}"
-        # the necks that were tried, the one that is taken first
-        necks = post.get("necks", ())
-        if necks:
-            minutes = "    min" if "machining_min" in necks[0] else ""
-            yield f"          neck mm      uncut mm2   um/N     um    MPa      Hz{minutes}"
-        for neck in necks:
-            size = f"{neck['diameter_mm']:g} x {neck['length_mm']:g}"
-            moved = f"{neck['um_per_n']:6.2f} {neck['shift_um']:6.1f} {neck['stress_mpa']:6.0f} {neck['first_hz']:7.0f}"
-            moved += f" {neck['machining_min']:6.1f}" if "machining_min" in neck else ""
-            yield f"          {size:12} {neck['left_mm2']:9.0f} {moved}{'' if neck['holds'] else '  gives way'}"
-        yield from (f"          {text}" for text in _remedy_texts(post))
-        if post.get("depths_found"):
-            *first, beyond = post["depths_found"]
-            near = f"{', '.join(f'{depth:g}' for depth in first)}, then " if first else ""
-            yield f"          bears cuts of {near}{beyond:g} mm"
-        if "footprint_mm2" in post:
-            yield f"          {post['footprint_mm2']:.1f} mm2 of the part stay under it"
-        # what holds the free end, and what of the part it takes from the tool
+        size = f"{post['diameter_mm']:g} x {post.get('neck_mm', post['length_mm']):g} mm"
+        held = [f"{name} of {one['diameter_mm']:g} mm" for name, one in reversed(post.get("held_by", {}).items())]
+        on = f" on a {', '.join(held)}" if held else ""
         tailstock = post.get("tailstock")
-        if tailstock is not None:
-            x, y = tailstock["at_mm"]
-            ends = f"z {tailstock['from_mm']:.2f} to {tailstock['to_mm']:.2f}"
-            sizes = f"{tailstock['diameter_mm']:g} mm at ({x:.2f}, {y:.2f}), {ends}"
-            yield f"          held above by a {tailstock['kind']} of {sizes}"
-            yield f"          {tailstock['footprint_mm2']:.1f} mm2 of the part stay under it"
-            if tailstock.get("blocked_share"):
-                share = f"{100 * tailstock['blocked_share']:.0f} %"
-                yield f"          {share} of the part are in its way or that of its bracket"
-        remedies = [f"{each['length_mm']:g} mm with {each['change']}" for each in post.get("remedies", ())]
-        if remedies:
-            yield f"          {', '.join(remedies)}"
-        costs = [
-            f"{each['length_mm']:g} mm leaves {each['uncut_mm2']:g} mm2 uncut round it"
-            for each in post.get("shorter", ())
-        ]
-        if costs:
-            yield f"          {', '.join(costs)}"
+        above = f", held above by a {tailstock['kind']} of {tailstock['diameter_mm']:g} mm" if tailstock else ""
+        yield f"post      {size}{on}{above}; {post['footprint_mm2']:.1f} mm2 of the part stay under it"
 
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:
-    """With what that neck holds, or nearly; another one where the job states it."""
+    """With what that neck holds, or nearly, and what is foretold with it; another one where the job states it."""
     other = ["give holding.diameter = 0, which finds one"] if post["neck_stated"] else []
-    return " or ".join([*other, *_remedy_texts(post)]) or "give shallower cuts, or a larger stock for a thicker neck"
-
-
-def _remedy_texts(post: Mapping[str, Any]) -> list[str]:
-    """Each change with which a neck holds, or nearly, and what is foretold with it."""
-    return [
+    changes = [
         f"{'holds' if one['holds'] else 'at best'} with {one['change']}: "
         f"{one['shift_um']:.1f} um, {one['stress_mpa']:.0f} MPa, {one['first_hz']:.0f} Hz"
         for one in post.get("holds_with", ())
     ]
+    return " or ".join([*other, *changes]) or "give shallower cuts, or a larger stock for a thicker neck"
 
 
 log = logging.getLogger("bonecam")
@@ -225,15 +157,14 @@ def warning_texts(warnings: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def warning_lines(warnings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """`warnings` of a report as the first lines of a summary."""
+    """`warnings` of a report as lines of a summary."""
     for text in warning_texts(warnings):
-        yield textwrap.fill(text, WIDTH, initial_indent="warning   ", subsequent_indent=" " * 10)
+        yield from textwrap.wrap(text, WIDTH, initial_indent="warning   ", subsequent_indent=" " * 10)
 
 
 def header_texts(report: Sections, job: Job, more: Iterable[Warned] = ()) -> list[str]:
     """The warnings that are known before the text is posted, `more` among them, for the program's header."""
-    texts = (f"warning: {warned.text}" for warned in warnings_of(report, job, more))
-    return [line for text in texts for line in textwrap.wrap(text, 96)]
+    return [f"warning: {warned.text}" for warned in warnings_of(report, job, more)]
 
 
 def simulated_text(report: Sections, bending: str) -> str:

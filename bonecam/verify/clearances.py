@@ -19,7 +19,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between, numbered, unit
 from bonecam.kernels.removal import Pieces, fixed_clearance
 from bonecam.machine.control import Control
-from bonecam.machine.kinematics import inverse_linear, link_poses
+from bonecam.machine.kinematics import link_poses
 from bonecam.machine.machine import Machine
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
@@ -56,14 +56,9 @@ def table_clearance(pieces: Pieces, cutter: Cutter, clamping: Clamping, within: 
     columns = np.array([replace(one, bottom=max(one.bottom, DEEPEST)).row for one in clamping.kept_off])
 
     def measure(some: slice) -> tuple[float, int, str, int]:
-        part = Pieces._make([*(column[some] for column in pieces[:-1]), pieces.body])
+        part = Pieces._make(column[some] for column in pieces)
         least, where, section, touched = fixed_clearance(
-            part,
-            sections,
-            radius=cutter.envelope_radius,
-            columns=columns.reshape(-1, 5),
-            closed=clamping.closed,
-            within=within,
+            part, sections, radius=cutter.radius, columns=columns.reshape(-1, 5), closed=clamping.closed, within=within
         )
         move = int(part.moves[where]) if where >= 0 else -1
         return (least, move, names[section] if where >= 0 else "", int(part.moves[touched]) if touched >= 0 else -1)
@@ -159,11 +154,7 @@ class _Way:
         if link == PART:
             return np.tile(np.eye(3), (len(words), 1, 1)), np.zeros((len(words), 3))
         control = self.control
-        joints = words
-        if control.tool_centre:
-            tips, _ = control.poses(words)
-            joints = inverse_linear(control.machine, tips, words[:, 3:], control.tool_length)
-        return link_poses(control.machine, link, joints, control.tool_length)
+        return link_poses(control.machine, link, control.joints(words), control.tool_length)
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ from bonecam.arrays import lengths
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
 from bonecam.machine.control import Control
-from bonecam.machine.kinematics import UP, inverse_linear, tool_axes
+from bonecam.machine.kinematics import UP, tool_axes
 from bonecam.machine.machine import Machine
 from bonecam.machine.machine_file import LinearAxis, RotaryAxis
 from bonecam.nc.dialect import Dialect
@@ -104,13 +104,13 @@ class NoseMoves:
         fractions = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
         words = (first + fractions * (last - first)).reshape(-1, 5)
         tools = np.tile(self.motions.tools[moves], SAMPLES)
-        noses = _noses(self.machine, self.motions.controls, words, tools)
+        noses = _noses(self.motions.controls, words, tools)
         return np.asarray((sign * noses[:, column]).reshape(SAMPLES, -1).max(axis=0))
 
 
 def nose_moves(motions: Motions, machine: Machine) -> NoseMoves:
     """The moves of the spindle nose in a text."""
-    ends = _noses(machine, motions.controls, motions.words, motions.tools)
+    ends = _noses(motions.controls, motions.words, motions.tools)
     known = motions.known_start
     starts = np.where(known[:, None], np.roll(ends, 1, axis=0), ends)
     # By how much (mm) the nose may leave the line between the ends of each move; the first has no start.
@@ -143,17 +143,13 @@ def nose_moves(motions: Motions, machine: Machine) -> NoseMoves:
 
 
 def _noses(
-    machine: Machine, controls: dict[int, Control], words: Float[ndarray, "n 5"], tools: Int[ndarray, "n"]
+    controls: dict[int, Control], words: Float[ndarray, "n 5"], tools: Int[ndarray, "n"]
 ) -> Float[ndarray, "n 3"]:
     """X, Y, Z of the spindle nose (mm) where the control stands at words (mm, rad) with one of its tools."""
     noses = np.zeros((len(words), 3))
     for number, control in controls.items():
         rows = tools == number
-        joints = words[rows]
-        if control.tool_centre:
-            tips, _ = control.poses(joints)
-            joints = inverse_linear(machine, tips, joints[:, 3:], control.tool_length)
-        noses[rows] = joints[:, :3] + [0.0, 0.0, control.tool_length]
+        noses[rows] = control.joints(words[rows])[:, :3] + [0.0, 0.0, control.tool_length]
     return noses
 
 
@@ -381,7 +377,6 @@ def check_control(motions: Motions, machine: Machine, dialect: Dialect, job: Job
         meant = cutters[number]
         for name, value, wanted in (
             ("radius", reported.radius, meant.radius),
-            ("corner radius", reported.arc, meant.corner),
             ("length", reported.length, meant.length),
         ):
             if abs(value - wanted) > SAME_SIZE:
@@ -472,7 +467,7 @@ def _path(cutter: Cutter, level: int, axis: Float[ndarray, "3"], job: Job) -> To
     )
 
 
-HEADER_LINES = 20
+HEADER_LINES = 40
 """Lines of a program in which its header names the machine and the stock."""
 
 

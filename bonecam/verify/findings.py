@@ -151,10 +151,10 @@ def measure_given(
     )
 
 
-def into_given(nc: Mapping[str, Any], label: str = "") -> Iterator[str]:
-    """How deep the ball goes into the mesh as given, in words behind a `label`, where `nc` of a report tells it."""
+def into_given(nc: Mapping[str, Any]) -> Iterator[str]:
+    """How deep the ball goes into the mesh as given, in words, where `nc` of a report tells it."""
     if "gouge_to_given_max_mm" in nc:
-        yield f"{label:10}{nc['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
+        yield f"{nc['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
 
 
 def given_lines(given: Mapping[str, Any] | None) -> Iterator[str]:

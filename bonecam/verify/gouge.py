@@ -213,6 +213,7 @@ def centre_bows(control: Control, start: Float[ndarray, "n 5"], end: Float[ndarr
     if control.tool_centre:
         return np.zeros(len(turn)) if control.programs_centre else control.centre_height * turn**2
 
+    start, end = control.joints(start), control.joints(end)
     lever = np.full(len(turn), control.centre_height)
     pivots = [np.array(axis.pivot) for axis in control.machine.part_axes]
     if pivots:

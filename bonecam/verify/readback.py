@@ -78,7 +78,7 @@ def compare_moves(motions: Motions, paths: Sequence[ToolPath], dialect: Dialect,
         path_tips=tips,
         path_axes=axes,
         from_anywhere=from_anywhere,
-        radius=np.repeat([path.cutter.centre_height for path in paths], sizes),
+        radius=np.repeat([path.cutter.radius for path in paths], sizes),
         tip_tolerance=tolerances.tip,
         axis_tolerance=axis_tolerance,
     )

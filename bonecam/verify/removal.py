@@ -282,7 +282,7 @@ class _Simulation:
         deepest = None
         if len(depths.depths):
             place = depths.places[depths.deepest]
-            move = move_through(place, pieces, cutter.envelope_radius)
+            move = move_through(place, pieces, cutter.radius)
             deepest = self._spot(float(depths.depths[depths.deepest]), move, place)
         limit = self.limits.get(group.level) if group.level is not None else None
         if limit is not None and group.level is not None and group.level >= 0 and group.rest:

@@ -21,7 +21,6 @@ from scipy.ndimage import distance_transform_edt
 
 from bonecam.arrays import angles_between, numbered
 from bonecam.errors import ProgramError
-from bonecam.kernels.bodies import Ways, cut_probes_by_body
 from bonecam.kernels.rays import (
     SAMPLES,
     TILE,
@@ -98,7 +97,6 @@ def straight_pieces(motions: Motions, moves: Int[ndarray, " m"], cutter: Cutter)
         probed=(motions.rapid | motions.links)[moves][owner],
         bounds=np.full((len(owner), above), np.inf),
         near=np.zeros((len(owner), above, 2)),
-        body=cutter.body,
     )
 
 
@@ -199,8 +197,8 @@ def tools_of(motions: Motions, cutters: Sequence[Cutter]) -> dict[int, Cutter]:
     known = {cutter.number: cutter for cutter in cutters}
     for number in np.unique(motions.tools).tolist():
         radius = motions.controls[number].radius
-        if number not in known or abs(known[number].envelope_radius - radius) > 1e-4:
-            have = f"of radius {known[number].envelope_radius:g} mm" if number in known else "not there"
+        if number not in known or abs(known[number].radius - radius) > 1e-4:
+            have = f"of radius {known[number].radius:g} mm" if number in known else "not there"
             raise ProgramError(
                 f"the text calls tool {number} with a ball of radius {radius:g} mm, which is {have} in the job: "
                 "give the job that the program was made with",
@@ -372,27 +370,21 @@ class NormalProbes:
         return moved
 
     def cut(self, pieces: Pieces, radius: float) -> None:
-        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material; or
-        by the body of a bull nose."""
+        """Cut the normal probes by a ball on its pieces, and by the flutes above it where they may reach material."""
         points, normals = self.points[self.by_cell], self.normals[self.by_cell]
         probes = ProbesByCell(points, normals, self.cell_starts, self.corner, CELL)
         heights = self.heights[self.by_cell]
         owners = self.owners[self.by_cell]
-        if len(pieces.body):
-            poses = pieces.starts, pieces.ends, pieces.start_axes, pieces.end_axes
-            ways = Ways(*poses, pieces.reach, pieces.body)
-            cut_probes_by_body(probes, REACH, ways, heights, pieces.moves, owners, from_top=False)
-        else:
-            # What a ball sweeps on its pieces, and the flutes above it where they may reach material.
-            fluted = pieces.reach > 0
-            # the ball at the top of a capsule must end where the flutes do
-            rises = np.maximum(pieces.reach[fluted] - radius, 0.0)
-            tops = pieces.ends[fluted] + rises[:, None] * pieces.end_axes[fluted]
-            starts = np.vstack([pieces.starts, pieces.ends[fluted]])
-            ends = np.vstack([pieces.ends, tops])
-            names = np.r_[pieces.moves, pieces.moves[fluted]]
-            capsules = Capsules(starts, ends, np.full(len(starts), radius), names)
-            cut_normal_probes(probes, REACH, capsules, heights, owners, from_top=False)
+        # What a ball sweeps on its pieces, and the flutes above it where they may reach material.
+        fluted = pieces.reach > 0
+        # the ball at the top of a capsule must end where the flutes do
+        rises = np.maximum(pieces.reach[fluted] - radius, 0.0)
+        tops = pieces.ends[fluted] + rises[:, None] * pieces.end_axes[fluted]
+        starts = np.vstack([pieces.starts, pieces.ends[fluted]])
+        ends = np.vstack([pieces.ends, tops])
+        names = np.r_[pieces.moves, pieces.moves[fluted]]
+        capsules = Capsules(starts, ends, np.full(len(starts), radius), names)
+        cut_normal_probes(probes, REACH, capsules, heights, owners, from_top=False)
         self.heights[self.by_cell] = heights
         self.owners[self.by_cell] = owners
 
@@ -622,8 +614,5 @@ def volumes(sets: Sequence[RaySet]) -> list[float]:
 def sections_of(cutter: Cutter) -> tuple[Float[ndarray, "s 4"], Int[ndarray, " s"]]:
     """The stack of a tool above its ball's centre: from, to (mm from there) and the radius at either end; and which
     of PARTS each is, -1 for the flutes, which come first."""
-    rows = [
-        (one.start - cutter.centre_height, one.end - cutter.centre_height, one.radius, one.end_radius)
-        for one in cutter.profile
-    ]
+    rows = [(one.start - cutter.radius, one.end - cutter.radius, one.radius, one.end_radius) for one in cutter.profile]
     return np.array(rows), np.array([-1, *(PARTS.index(one.name) for one in cutter.profile[1:])])

@@ -32,7 +32,7 @@ from bonecam.runtime.timing import StageTimes
 from bonecam.setup import schedule_of, smallest_capsule
 from bonecam.surface import TSpline
 from bonecam.surface.files.surface_input import check_surface_size, read_solid, refuse_changes
-from bonecam.wheels.channels import ChannelPlanner, indexed, require_ball, require_room, require_upright
+from bonecam.wheels.channels import ChannelPlanner, indexed, require_room, require_upright
 from bonecam.wheels.proof import RepeatedDistance, prove_removal_of_wheel, wheel_surfaces
 from bonecam.wheels.results import Bladed, edge_warnings, wheel_figures
 from bonecam.wheels.tables import CARTESIAN, MERIDIONAL, BladeFile, read_blade, read_hub
@@ -129,7 +129,6 @@ def _programmed(
         workpiece = stand_workpiece(wheel.blade, solid, job, limits)
         job = replace(job, holding=replace(job.holding, length=workpiece.length))
         wheel = wheel.lift(workpiece.length - float(wheel.profile[:, 1].min()))
-        require_ball(job)
         # passes go on beyond the blades' edges until a ball is past the allowance there
         widest = max(job.tool(name).radius for name in ("roughing", "finishing"))
         channel = channel_of(wheel, widest + job.levels.finishing_depth + BEYOND)

@@ -61,13 +61,6 @@ def require_room(wheel: Wheel, job: Job) -> None:
             raise field_error(name, "radius", job.tool(name).radius, f"{what}: give a smaller ball")
 
 
-def require_ball(job: Job) -> None:
-    """JobError where the roughing cutter is no ball."""
-    shape = job.roughing.shape
-    if shape != "ball":
-        raise field_error("roughing", "shape", shape, "a wheel is roughed with a ball: give shape = 'ball'")
-
-
 CELL = 0.3
 """Distance of the places on which the lines are found, mm."""
 STEP = 0.4

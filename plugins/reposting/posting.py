@@ -117,9 +117,6 @@ def _of_program(text: str, origin: Machine, dialect: Dialect, job: Job, machine:
     groups = list(groups_of(text, motions, dialect))
     for left, group in zip(range(len(groups))[::-1], groups, strict=True):
         rows = group.moves
-        if motions.described[group.tool].corner is not None:
-            what = f"tool {group.tool} is no ball: give paths of ball-end cutters"
-            raise ProgramError(what, tool=group.tool)
         cutter = _cutter(group.tool, motions.controls[group.tool].radius, group.level, job, machine)
         kinds = np.select(
             [motions.rapid[rows] | ~motions.known_start[rows], motions.links[rows]],

@@ -21,7 +21,7 @@ level. What stands outside the level then is charged at the mm3/min of the level
     driven: instead the layers' arcs as the axes drive them, from rest to rest, a link each; and level 1 in full also
 after layers down to it, for it meets stairs all over the part. Still no collisions and entries.
 
-With --others, for the phalanx and cancelled after so many minutes each: a bull nose of 6 mm on the levels; and what
+With --others, for the phalanx and cancelled after so many minutes each: what
 bonecam has of 3+2, proved, with entries and retracts: the roughing of `iso-height`, a ball in layers of 0.5 and of
 1.5 mm from two sides on the clamping of the default job, charged as 3+2 down to level 1, though its own finishing takes
 the stairs.
@@ -72,7 +72,6 @@ from bonecam.workholding.post import post_below
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("phalanx", "3midph", "capitate", "1mc")
 OTHERS: dict[str, dict[str, Any]] = {
-    "bull": {"roughing": {"preset": "ball-6", "shape": "bull", "corner_radius": 0.75}},
     "iso-height": {"path": {"strategy": "iso-height", "fine_cutter": False}},
     "iso-height-deep": {"path": {"strategy": "iso-height", "fine_cutter": False}, "levels": {"roughing_depth": 1.5}},
 }

@@ -127,8 +127,8 @@ def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_ga
         CHUCK,
     )
     found = tool_list(file)
-    assert [one.name for one in found.tools] == ["6 mm ball", "bull", "flat"]
-    ball, bull, flat = (one.tool for one in found.tools)
+    assert [one.name for one in found.tools] == ["6 mm ball"]
+    ball = found.tools[0].tool
     assert ball == ToolJob(
         number=3,
         flutes=2,
@@ -140,8 +140,8 @@ def test_a_library_of_fusion_is_read_with_neck_stick_out_and_holder_up_to_the_ga
         overhang=24.0,
         holder="60.0 12.0 21.0, 20.0 63.0 63.0",
     )
-    assert (bull.shape, bull.corner_radius, flat.shape, flat.flutes) == ("bull", 1.0, "flat", 6)
-    assert found.left_out == {"drill": 1, "tapered ball end mill": 1, "holder": 1}
+    ends = {"bull nose end mill": 1, "flat end mill": 1, "drill": 1, "tapered ball end mill": 1, "holder": 1}
+    assert found.left_out == ends
 
 
 def test_tools_files_of_fusion_are_zips_or_plain(tmp_path):
@@ -249,14 +249,13 @@ def freecad(folder: Path) -> str:
 
 def test_toolbits_of_freecad_are_completed_by_a_list_that_names_their_library(tmp_path):
     library = freecad(tmp_path)
-    with pytest.raises(JobError, match=r"Default\.fctl: tool 3 '6mm_Ball_End': states no overhang, holder; tool 4"):
+    with pytest.raises(JobError, match=r"Default\.fctl: tool 3 '6mm_Ball_End': states no overhang, holder"):
         read_tool_list(library)
     text = 'from = "Default.fctl"\noverhang = 24\nholder = "60 12 21, 20 63"\n'
     found = tool_list(written(tmp_path, "Library/mill.toml", text))
-    ball, bull = (one.tool for one in found.tools)
+    (ball,) = (one.tool for one in found.tools)
     assert (ball.number, ball.radius, ball.flute_length, ball.overhang) == (3, 3.0, 13.0, 24.0)
-    assert (bull.shape, bull.corner_radius, bull.radius) == ("bull", 1.0, 3.0)
-    assert found.left_out == {"drill": 1}
+    assert found.left_out == {"torus": 1, "drill": 1}
     names = {file.name for file in found.files}
     assert names == {"mill.toml", "Default.fctl", "6mm_Ball_End.fctb", "Torus.fctb", "5mm_Drill.fctb"}
 
@@ -345,7 +344,7 @@ def test_a_tool_table_of_linuxcnc_is_completed_by_a_list_beside_it(tmp_path):
         ),
         ("number = 3", "number = 33", r"\[\[tool\]\] tool 33: tool\.tbl has none: use tool 1 '1/8 end mill', "),
         ("number = 3\n", "", r"\[\[tool\]\]: give the number or the name that it has in tool\.tbl"),
-        ('shape = "ball"', 'shape = "bal"', "shape = 'bal': choose one of ball, bull, flat"),
+        ('shape = "ball"', 'shape = "bal"', "shape = 'bal': only balls cut: give ball, or leave the tool out"),
         ("overhang = 24", "overhng = 24", r"\[\[tool\]\] tool 3: unknown key 'overhng' \(did you mean 'overhang'\?\)"),
         ("overhang = 24", "overhang = 'x'", "tool 3 '6 mm ball': overhang = 'x': give a number"),
         ('"tool.tbl"', '"tool.xls"', r"from = 'tool\.xls': give a file that ends in \.json"),
@@ -435,7 +434,7 @@ def test_a_table_in_inches_names_its_unit_in_the_list_that_completes_it(tmp_path
         ("3,4,,4,24,60 12,ball", r"tool 3: states no flute_length"),
         (",4,8,4,24,60 12,ball", r"states no number"),
         ("3,4,8,6,24,60 12,ball", r"tool 3: states no neck_length"),
-        ("3,4,8,4,24,60 12,", r"flat end \(1 without a stated shape\): state `shape` in its \[\[tool\]\] of a"),
+        ("3,4,8,4,24,60 12,", r"no ball end \(1 without a stated shape\): state `shape` in its \[\[tool\]\] of a"),
         ('3,4,8,4,24,"60 12', r"unexpected end of data"),
     ],
 )

@@ -1,16 +1,10 @@
 """What stands on rays that cross one another, and what balls would remove of it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from small_parts import path_of
 
-from bonecam.job import Job
 from bonecam.material.dexels import Dexels, uncut_rays
 from bonecam.setup import Box
-from bonecam.tool import Cutter
-from bonecam.verify.sweeping import volumes
 
 BLOCK = Box(np.array([-5.0, -4.0, 10.0]), np.array([5.0, 4.0, 30.0]))
 UP = np.array([0.0, 0.0, 1.0])
@@ -119,19 +113,3 @@ def test_what_flutes_have_removed_is_gone(block):
     there = poses(contact)
     assert block.removed_by([there], [there], RADIUS, 5.0)[0] == pytest.approx(0, abs=1e-3)
     assert block.removed_by([there], NOTHING, RADIUS, 5.0)[0] == pytest.approx(3 * np.pi * RADIUS**2, rel=0.02)
-
-
-def test_a_bull_nose_is_taken_out_once_where_balls_have_cut_what_cutters_have():
-    job = Job().with_values(roughing={"shape": "bull"})
-    bull = Cutter.from_job(1, "roughing", job.tool("roughing"))
-    tips = np.array([[-9.0, 0.0, 28.0], [-8.0, 0.0, 28.0], [8.0, 0.0, 28.0]])
-    path = path_of(tips, np.tile(UP, (3, 1)), tool=bull)
-    uncut = uncut_rays(BLOCK)
-    assert uncut.balls is uncut.cutters
-    once = uncut.after(path)
-    assert once.balls is once.cutters
-    # behind a ball the two differ, and each is cut
-    apart = uncut.after(replace(path, cutter=replace(bull, corner_radius=None), tips=tips - 3.0 * UP)).after(path)
-    assert apart.balls is not apart.cutters
-    for left in (apart.balls, apart.cutters):
-        assert np.mean(volumes(left.sets)) < np.mean(volumes(once.balls.sets))

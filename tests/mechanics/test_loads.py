@@ -150,7 +150,7 @@ def test_what_bends_too_much_is_told_with_what_would_help():
     assert weak.report["faults"] == [stress, error]
     assert 0 < weak.remedies[0].p99 < weak.error.p99
     assert "a chuck or collet 6 mm below the part" in {one["what"] for one in weak.report["remedies"]}
-    assert str(weak).endswith("of 250 N/mm2, beyond what holds")
+    assert str(weak).endswith("yields at 250, beyond what holds")
     assert "beyond" not in str(sound)
 
 

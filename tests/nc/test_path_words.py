@@ -118,8 +118,9 @@ def test_it_tells_minutes_at_the_feed_as_the_axes_move_and_with_changes():
     feed, axes, whole = program.time.feed, program.time.axes, program.time.whole
     assert feed < axes < whole
     told = f"ABOUT {feed:.1f} MIN AT THE FEED, {axes:.1f} AS THE AXES MOVE, {whole:.1f} WITH CHANGES"
-    assert f" ; TIME {told}\n" in program.text
-    assert " ; TIME ASSUMED: SPEEDS OF AXES AND SPINDLE, ACCELERATIONS OF AXES, SECONDS OF CHANGES" in program.text
+    head = re.sub(r"\n\d+ ;", "", program.text)
+    assert f" TIME {told}" in head
+    assert " TIME ASSUMED: SPEEDS OF AXES AND SPINDLE, ACCELERATIONS OF AXES, SECONDS OF CHANGES" in head
     assert sum(program.time.tools) == pytest.approx(axes)
     assert len(program.time.tools) == 2
 

@@ -20,7 +20,6 @@ from bonecam.planning.estimate import (
     TIME_FACTOR,
     LayersToCut,
     estimate,
-    estimate_lines,
     least_depth,
 )
 from bonecam.setup.capsule import Capsule
@@ -66,22 +65,6 @@ def test_what_is_too_shallow_for_a_roughing_cut_is_left_out(levels):
     for path in ({"least_depth": 0.0}, {"least_depth": 0.1, "pattern": "published"}):
         everywhere = estimate(levels(SHALLOW, 0.2), JOB.with_values(path=path), MachineBodies())
         assert everywhere.length == deep.length
-
-
-def test_the_summary_has_what_came_beside_what_was_expected(levels):
-    found = estimate(levels(DEEP), JOB, MachineBodies())
-    report = {
-        "estimate": found.report,
-        "toolpath": [{"length_mm": 1000.0}, {"length_mm": 500.0}],
-        "nc": {"blocks": 77, "time_min": 2.6},
-        "cpu_seconds": {"mesh": 50.0, "toolpath": 7.0, "nc": 2.0},
-    }
-    (line,) = estimate_lines(report)
-    assert f"{found.blocks} blocks (came to 77)" in line
-    assert f"{found.report['length_mm'] / 1000:.1f} m (came to 1.5)" in line
-    assert f"min (came to 3; at least {found.least:.0f})" in line
-    assert "CPU s (came to 9)" in line
-    assert not list(estimate_lines({"estimate": found.report}))
 
 
 def test_before_levels_the_time_follows_from_the_areas_between_part_and_stock():

@@ -40,7 +40,6 @@ from bonecam.planning.neck import (
     preferred_depths,
     with_found_depths,
 )
-from bonecam.report.warnings import post_lines
 from bonecam.setup import Capsule, Setup, schedule_of
 from bonecam.tool import Cutter
 from bonecam.workholding import Post
@@ -170,11 +169,9 @@ def test_preferred_depths_lie_between_the_finishing_cut_and_the_deepest():
     assert preferred_depths(1.0, 0.5) == []
 
 
-def test_the_summary_tells_the_depths_that_were_found():
-    told = {"diameter_mm": 6.0, "length_mm": 3.0}
+def test_the_report_tells_the_depths_that_were_found():
     made = FOUND.with_values(levels={"depths": "0.1 0.25 1"})
-    assert "          bears cuts of 0.1, 0.25, then 1 mm" in post_lines(told | depths_report(made))
-    assert not any("bears" in line for line in post_lines(told))
+    assert depths_report(made) == {"depths_found": [0.1, 0.25, 1.0]}
 
 
 def figures(setup: Setup, job: Job) -> Neck:

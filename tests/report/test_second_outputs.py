@@ -239,7 +239,7 @@ def test_simulate_finds_what_each_text_does_to_the_mesh_as_given(second_run, sec
         assert found["nc"] == {key: nc[key] for key in nc if key.startswith("gouge_to_given")}
         assert found["nc"]["gouge_to_given_line"] > 0
         told = [line for line in simulated[name].told if not line.startswith(("job ", "warning ", "   "))]
-        assert told[0] == f"proof     {nc['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
+        assert told[0] == f"cut in    {nc['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most"
         assert f"{removal['given']['gouge_max_mm']:.3f} mm inside the mesh as given at most" in "".join(told)
 
 

@@ -19,7 +19,7 @@ from bonecam.mesh import TriangleMesh
 from bonecam.nc.program import ProgramTime
 from bonecam.report import AxisComparison, Report, levels_report
 from bonecam.report.stage_reports import toolpath_report, uncut_areas
-from bonecam.report.summary import AxisChoice, certified_text, summary_of, uncut_lines
+from bonecam.report.summary import MOST_LINES, NOT_SIMULATED, AxisChoice, certified_text, summary_of, uncut_lines
 from bonecam.setup import Capsule
 from bonecam.tool import FreeCones, MoveKind
 from bonecam.tool.elliptic_cones import EllipticCones
@@ -83,7 +83,7 @@ def test_axes_near_the_normal_are_counted_and_those_that_had_no_other():
     assert toolpath_report([replace(path, cones=none)], np.radians(5.0))[0]["near_normal_without_choice"] == 2
 
 
-def test_the_summary_tells_each_repair():
+def test_the_summary_tells_the_verdict_first_in_25_lines():
     level = {"depth_max_mm": 0.5, "depth_back_max_mm": 0.5, "not_certified": [], "rounding": False}
     report = {
         "input": {
@@ -106,61 +106,45 @@ def test_the_summary_tells_each_repair():
         "levels_lower_bound": 1,
         "levels_method": "qp",
         "levels_break_mm": 0.0,
-        "uncut_mm2": {},
-        "toolpath": [
-            {
-                "level": 0,
-                "contacts": 5,
-                "entries": 9,
-                "entries_tangential": 7,
-                "length_mm": 7.5,
-                "cones": {"shape": "circular", "fcl": {"asked": 9, "narrowed": 2, "refused": 1}},
-                "poses": {"asked": 4, "refused": 1},
-                "near_normal_contacts": None,
-                "near_normal_without_choice": None,
-                "trimmed_mm": 2.0,
-                "uncut_contacts": 0,
-                "uncut_reasons": {},
-                "blocked_by": {},
-            }
-        ],
+        "uncut_mm2": {"short": 0.5, "post": 3.0},
+        "removal": NOT_SIMULATED,
+        "toolpath": [{"level": 0, "length_mm": 7.5, "cutter_radius_mm": 2.0}],
         "nc": dict.fromkeys(("blocks", "readback_tip_error_mm", "readback_axis_error_deg", "gouge_max_mm"), 1)
-        | {"rewinds": 3, "rewinds_lifted": 1, "gouge_to_given_max_mm": 0.0567}
-        | {"feed_median_mm_min": 500.0, "feed_low_mm_min": 250.0, "feed_axis_limited_share": 0.95}
-        | {"feed_under_half_blocks": 2, "parts": 3}
+        | {"gouge_to_given_max_mm": 0.0567, "parts": 3}
         | ProgramTime(1.0, (1.2,), 1.2, 2.0, by_hand=1, assumed=("speeds",)).report
         | {"file": "half.h", "machine": "mill", "controller": "heidenhain"},
         "seconds": {"mesh": 1.0},
         "warnings": [],
     }
     told = summary_of(report).splitlines()
-    assert "entries   7 of 9 cuts begin tangentially, on arcs; 2 straight" in told
-    assert "nc        half.h and 3 files that it calls: 1 blocks for mill / heidenhain" in told
-    assert "          about 1.0 min at the feed, 1.2 as the axes move, 2.0 with changes but 1 by hand" in told
-    assert "          assumed: speeds" in told
-    assert "feed      median 500, a tenth below 250 mm/min; an axis limits 95% of the cutting blocks" in told
-    assert "          2 cutting blocks under half of the cutter's feed: axes or plunges" in told
-    assert "          0.057 mm into the mesh as given at most" in told
-    lifted = "1 of them lifted from a cut or a link and set down again"
-    assert f"rewinds   3 rewinds of the rotary axes off the part, {lifted}" in told
-    assert "cones     circular on 1 of 1 level, where axes turn sooner or less in these" in told
-    assert "cones     9 checked by planes, else by FCL: 2 narrowed, 1 refused" in told
-    assert "poses     4 outside of such cones put before FCL one by one: 1 refused" in told
-    assert told[:3] == [
-        "mesh      993 faces, mm; 1 repair",
-        "note      mirrored in X of its file",
-        "repair    closed 1 hole with 33 faces, 9.66 mm across",
+    assert told == [
+        "verdict   half.h is proven from its text, not simulated; 0 warnings",
+        "minutes   about 1.0 min at the feed, 1.2 as the axes move, 2.0 with changes but 1 by hand",
+        "cut in    gouge 1000.00 um, tip as read back 1000.00 um off; 0.057 mm into the mesh as given at most",
+        f"removal   {NOT_SIMULATED['skipped']}",
+        "uncut     3.0 mm2 at the post, 0.5 mm2 too short for a plunge",
+        "tools     radius 2 mm",
+        "nc        half.h and 3 files that it calls: 1 blocks for mill / heidenhain",
+        "mesh      993 faces, mm; 1 repair; mirrored in X of its file; closed 1 hole with 33 faces, 9.66 mm across",
+        "surface   190 control points, 0.070 mm off at most, tolerance 0.08; 1.083 mm from the mesh as given",
+        "stock     capsule 9.30 x 22.30 mm",
+        "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm",
+        "certified depth, nesting and stock hold everywhere on 1 of 1 cut",
+        "time      1.0 s",
     ]
-    assert "as given  max 1.083 mm to the mesh as given, with 1.079 mm of repair, smoothing and filling" in told
-    assert "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm" in told
-    assert "hold everywhere on 1 of 1 cut" in told[8]
     broken = summary_of({**report, "levels_break_mm": 0.0042})
-    assert (
-        "levels    1 cut, no schedule needs fewer than 1; depth max 0.5000 mm; a limit is broken by 0.0042 mm" in broken
-    )
-    assert summary_of({**report, "input": {**report["input"], "notes": [], "repairs": []}}).startswith(
-        "mesh      993 faces, mm; 0 repairs\nsurface"
-    )
+    assert "depth max 0.5000 mm; a limit is broken by 0.0042 mm" in broken
+
+    # many warnings, notes and repairs keep the figures and the number of lines
+    warned = {"text": "a thin place " + 20 * "long ", "remedy": "a " + 20 * "stout " + "one"}
+    many = {**report, "warnings": 20 * [warned], "input": {**report["input"], "repairs": 20 * ["closed 1 hole"]}}
+    most = summary_of(many).splitlines()
+    assert len(most) == MOST_LINES
+    assert most[0].endswith("; 20 warnings")
+    assert told[1] in most
+    assert told[-1] in most
+    assert sum("more lines: see report and page" in line for line in most) == 1
+    assert any(line.endswith("... (report)") for line in most)
 
 
 def test_a_cut_that_is_not_certified_is_told_with_its_place_although_it_measures_well():

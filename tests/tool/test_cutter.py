@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from round_ends import CORNERS, RADIUS, distances
 
 from bonecam.arrays import lengths
 from bonecam.errors import JobError
 from bonecam.job import FINISHING, HoldingJob, Job, ToolJob
 from bonecam.job.tool_list import read_tool_list
 from bonecam.machine.bodies import Frustum, stack_as_text, stack_from_text
-from bonecam.machine.machine import read_machine
 from bonecam.planning.collision import cutter_mesh
-from bonecam.tool.cutter import Cutter, ToolSection, check_shapes, enveloping_ball
+from bonecam.tool.cutter import Cutter, ToolSection
 
 SHRINK_FIT: Any = [[35, 10, 17], [20, 40]]
 
@@ -174,90 +172,31 @@ def test_a_cutter_s_own_flutes_feed_and_load_it_and_no_other():
     assert Job().with_values(mechanics={"flutes": 3}).tool("fine").flutes == 3
 
 
-def _cutter(shape: str = "bull", **values: float) -> Cutter:
-    job = Job().with_values(roughing={"shape": shape, **values})
-    return Cutter.from_job(1, "roughing", job.tool("roughing"))
-
-
-@pytest.mark.parametrize("shape", CORNERS)
-@pytest.mark.parametrize("lead", np.radians([10.0, 30.0, 60.0]))
-def test_the_ball_touches_where_the_cutter_does_and_has_its_effective_radius(shape, lead):
-    """The corner's arc touches at its angle `lead` from straight down, and is swept round the axis."""
-    corner = CORNERS[shape]
-    ball = enveloping_ball(RADIUS, corner, lead)
-    normal, feed = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-    axis, across = np.cos(lead) * normal + np.sin(lead) * feed, np.cos(lead) * feed - np.sin(lead) * normal
-    reach = RADIUS - corner + corner * np.sin(lead)
-    tip = -reach * across - corner * (1 - np.cos(lead)) * axis
-    np.testing.assert_allclose(ball.radius * normal - ball.height * axis, tip, atol=1e-12)
-    assert ball.radius == pytest.approx(reach / np.sin(lead))
-
-
-def test_the_ball_of_a_ball_end_is_its_own():
-    ball = enveloping_ball(2.0, 2.0, 0.3)
-    assert (ball.radius, ball.height) == (2.0, 2.0)
-
-
-@pytest.mark.parametrize("shape", CORNERS)
-def test_the_ball_holds_the_end_of_the_cutter(shape):
-    cutter = _cutter(shape)
-    for section in cutter.bull_end:
-        for height, radius in ((section.start, section.radius), (section.end, section.end_radius)):
-            assert np.hypot(height - cutter.centre_height, radius) <= cutter.envelope_radius + 1e-9
-
-
-@pytest.mark.parametrize("shape", CORNERS)
-def test_the_cones_touch_the_profile_and_hold_it(shape):
-    cutter = _cutter(shape)
-    rng = np.random.default_rng(3)
-    r, h = rng.uniform(0, 2.2, 4000), rng.uniform(-0.2, 8.2, 4000)
-    off = distances(shape, cutter.flute_length, np.column_stack([r, 0 * r, h]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    sine, cosine, bound = cutter.body.T
-    held = (np.outer(r, sine) - np.outer(h - cutter.centre_height, cosine) <= bound).all(axis=1)
-    assert held[off < 0].all()
-    assert not held[off > 0.006].any()
-
-
-@pytest.mark.parametrize("slack", [0.0, 0.01])
-@pytest.mark.parametrize("shape", CORNERS)
-def test_the_mesh_for_fcl_lies_inside_the_profile_by_the_slack(shape, slack):
-    cutter = _cutter(shape)
-    mesh = cutter_mesh(cutter, slack)
-    off = distances(shape, cutter.flute_length, mesh.vertices, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    assert off[mesh.vertices[:, 2] < cutter.flute_length - 1e-6].max() == pytest.approx(-slack, abs=1e-9)
-    assert (lengths(mesh.face_vectors) > 0).all()
-
-
-@pytest.mark.plugged
-@pytest.mark.parametrize("shape", CORNERS)
-def test_a_bull_nose_or_flat_end_only_roughs_the_levels_of_a_morph(shape):
-    machine = read_machine("mikron-ucp600")
-    bull_nose = {"shape": shape}
-    check_shapes(Job().with_values(roughing=bull_nose), machine)
-    for values in (
-        {"finishing": bull_nose},
-        {"roughing": bull_nose, "path": {"strategy": "rotary"}},
-        {"roughing": bull_nose, "holding": {"parting": True}},
-    ):
-        with pytest.raises(JobError, match="give shape = 'ball'"):
-            check_shapes(Job().with_values(**values), machine)
+@pytest.mark.parametrize("shape", ["bull", "flat"])
+@pytest.mark.parametrize("section", ["roughing", "finishing", "fine"])
+def test_only_balls_cut(section, shape):
+    with pytest.raises(JobError, match=rf"\[{section}\] shape = '{shape}'.*: choose one of ball"):
+        Job().with_values(**{section: {"shape": shape}})
 
 
 def test_flutes_must_reach_the_middle_of_the_ball():
-    with pytest.raises(JobError, match=r"roughing.lead_deg"):
-        _cutter(lead_deg=8.0)
+    with pytest.raises(JobError, match=r"flute_length = 1: give at least the ball's radius \(2 mm\)"):
+        Cutter.from_job(1, "roughing", Job().with_values(roughing={"flute_length": 1.0}).tool("roughing"))
 
 
-def test_a_corner_as_large_as_the_radius_is_refused():
-    with pytest.raises(JobError, match="less than the radius"):
-        _cutter(corner_radius=2.0)
+@pytest.mark.parametrize("slack", [0.0, 0.01])
+def test_the_mesh_for_fcl_lies_inside_the_ball_by_the_slack(slack):
+    cutter = Cutter.from_job(1, "roughing", Job().tool("roughing"))
+    vertices = cutter_mesh(cutter, slack).vertices
+    low = vertices[(vertices[:, 2] <= cutter.radius) & (vertices[:, 2] > slack)]
+    np.testing.assert_allclose(lengths(low - [0.0, 0.0, cutter.radius]), cutter.radius - slack, atol=1e-9)
 
 
 def test_centres_and_tips_lie_the_height_of_the_ball_apart_along_each_axis():
-    cutter = _cutter()
+    cutter = Cutter.from_job(1, "roughing", Job().tool("roughing"))
     axes = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
     tips = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
     centres = cutter.centres_of(tips, axes)
-    np.testing.assert_allclose(centres[1], cutter.centre_height * axes[1])
+    np.testing.assert_allclose(centres[1], cutter.radius * axes[1])
     np.testing.assert_allclose(cutter.tips_of(centres, axes), tips)
     assert cutter.tips_of(centres[0], axes[0]).shape == (3,)

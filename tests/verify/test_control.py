@@ -444,7 +444,7 @@ def test_the_place_that_is_out_of_the_way_is_named_where_a_travel_is_passed():
     ],
 )
 def test_a_retract_in_machine_coordinates_stays_within_limits_and_above_all(limits, why):
-    motions = read_program(write_program(PATHS, MIKRON, SIEMENS, Job()).text, MIKRON, SIEMENS)
+    text = write_program(PATHS, MIKRON, SIEMENS, Job()).text
     x, y, z = MIKRON.linear
     low = -600.0 if limits[1] < 0 else 0.0  # the part stands so low that its cuts are within the limits
     machine = replace(
@@ -454,8 +454,9 @@ def test_a_retract_in_machine_coordinates_stays_within_limits_and_above_all(limi
         linear=(x, y, replace(z, limits=limits)),
     )
     with pytest.raises(VerifyError, match=re.escape(why)):
-        check_limits(motions, machine)
-    check_limits(motions, replace(MIKRON, linear=(x, y, replace(z, limits=(-900.0, np.inf)))))
+        check_limits(read_program(text, machine, SIEMENS), machine)
+    machine = replace(MIKRON, linear=(x, y, replace(z, limits=(-900.0, np.inf))))
+    check_limits(read_program(text, machine, SIEMENS), machine)
 
 
 HALF = 0.5**0.5

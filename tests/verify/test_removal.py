@@ -21,26 +21,23 @@ from small_parts import path_of
 
 from bonecam.errors import BodiesError, MachineError, MeshError, VerifyError
 from bonecam.job import Job, MeshJob
-from bonecam.kernels.bodies import body_chord, column_distance, frustum_distance
+from bonecam.kernels.bodies import column_distance, frustum_distance
 from bonecam.kernels.rays import Capsules, ProbesByCell, cut_normal_probes, probe_cells
 from bonecam.machine import Machine, read_machine
 from bonecam.machine.machine import MACHINES
-from bonecam.material.dexels import uncut_rays
 from bonecam.mesh import MeshDistance, Part, Smoothing, TriangleMesh, coarseness_of, prepare_part, write_mesh
 from bonecam.mesh.healing import Repair, surface_moves
 from bonecam.mesh.part import measure_taken_off
 from bonecam.mesh.solids import cylinder
 from bonecam.nc import machine_limits, read_dialect, read_program, write_program
-from bonecam.nc.header import _shapes, tool_text
-from bonecam.nc.motions import described_tool
 from bonecam.planning.collision import block_mesh, body_texts, check_bodies
-from bonecam.setup import Capsule, Cylinder
+from bonecam.setup import Capsule
 from bonecam.tool import Cutter, ToolPath
 from bonecam.verify import Accuracy, Clearance, Left, Spot, check_removal, clearances, simulate_removal
 from bonecam.verify.clearances import SHARE, TOUCHING, body_clearance
 from bonecam.verify.findings import GivenSurface, beside_limits, given_surface, measure_given
 from bonecam.verify.gouge import Gouge
-from bonecam.verify.sweeping import NormalProbes, volumes
+from bonecam.verify.sweeping import NormalProbes
 from bonecam.workholding import Clamping, Post
 from bonecam.workholding.post import Column
 
@@ -308,63 +305,6 @@ def test_what_a_smoothing_takes_off_is_told_apart_from_what_repairs_take():
     assert made.taken_off is not None
     assert made.taken_off.depth < 1e-6
     assert made.require_kept(0.001) is made
-
-
-CUTTER = Cutter.from_job(1, "roughing", Job().with_values(roughing={"shape": "bull"}).tool("roughing"))
-
-
-def test_chords_end_where_the_cones_do():
-    rng = np.random.default_rng(5)
-    sine, cosine, bound = CUTTER.body.T
-    hits = 0
-    for _ in range(500):
-        axis, way = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-        point = rng.uniform(-3, 3, 3)
-        low, high = body_chord(tuple(point), tuple(way), axis, CUTTER.body)
-        t = np.linspace(-15, 15, 3001)
-        line = point + t[:, None] * way
-        h = line @ axis
-        r = np.linalg.norm(line - h[:, None] * axis, axis=1)
-        inside = (np.outer(r, sine) - np.outer(h, cosine) <= bound).all(axis=1)
-        hits += inside.any()
-        np.testing.assert_array_equal(inside, (low <= t) & (t <= high))
-    assert hits > 50
-
-
-def test_a_straight_cut_removes_what_the_profile_sweeps():
-    stock = Cylinder(10.0, 0.0, 6.0)
-    dexels = uncut_rays(stock).balls
-    up = np.array([[0.0, 0.0, 1.0]])
-    # upright, 1 mm deep, right across: the corners of radius 0.5 leave what they round
-    centre = np.array([[-15.0, 0.0, 5.0 + CUTTER.centre_height]])
-    after = dexels.without((centre, up), (centre * [-1, 1, 1], up), CUTTER.radius, body=CUTTER.body)
-    removed = np.mean(volumes(dexels.sets)) - np.mean(volumes(after.sets))
-    y = np.linspace(-2, 2, 4001)
-    rounded = np.maximum(np.abs(y) - 1.5, 0.0)
-    depth = 1.0 - (0.5 - np.sqrt(0.25 - rounded**2))
-    expected = np.trapezoid(depth * 2 * np.sqrt(100 - y**2), y)
-    assert removed == pytest.approx(expected, rel=0.01)
-
-
-def test_a_header_tells_a_bull_nose():
-    tool = described_tool(tool_text(CUTTER, 100.0), 7)
-    assert tool is not None
-    assert (tool.radius, tool.corner, tool.length) == (2.0, 0.5, 100.0)
-    assert tool.envelope.radius == pytest.approx(CUTTER.envelope_radius)
-    assert tool.envelope.height == pytest.approx(CUTTER.centre_height)
-    first, *_ = _shapes(CUTTER)
-    assert "R 2.0000, corner R2 0.5000" in first
-
-
-def test_a_header_tells_a_flat_end_and_no_ball():
-    flat = Cutter.from_job(1, "roughing", Job().with_values(roughing={"shape": "flat"}).tool("roughing"))
-    tool = described_tool(tool_text(flat, 100.0), 7)
-    assert tool is not None
-    assert (tool.radius, tool.corner, tool.length) == (2.0, 0.0, 100.0)
-    assert tool.envelope.radius == pytest.approx(flat.envelope_radius) == pytest.approx(4.0)
-    ball = described_tool(tool_text(replace(flat, corner_radius=None), 100.0), 7)
-    assert ball is not None
-    assert (ball.corner, ball.arc) == (None, 2.0)
 
 
 POINTS = 400

@@ -615,7 +615,7 @@ def _pairs(scene: Scene, cutter: Cutter) -> list[_Pair]:
     columns: dict[Column, _Solid] = {}
     pairs: list[_Pair] = []
     for section in cutter.profile:
-        around = scene.around(section.name, cutter.envelope_radius)
+        around = scene.around(section.name, cutter.radius)
         if around.obstacle not in meshes:
             meshes[around.obstacle] = [], _Solid.of_mesh(around)
         meshes[around.obstacle][0].append(section)
@@ -643,7 +643,7 @@ def _refusals(cones: AxisCones, nodes: Int[ndarray, " m"], pairs: list[_Pair]) -
 def _meeting(cones: AxisCones, rows: Int[ndarray, " m"], pair: _Pair) -> Iterator[tuple[int, str]]:
     """The apexes about which sections of the tool meet a solid in their cones, and the lowest of these sections."""
     sections, slack, solid = pair
-    height = cones.path.cutter.centre_height
+    height = cones.path.cutter.radius
     every = cones.free.apexes
     apexes = every.places[rows]
     # From the frames of the meshes to the scene

@@ -801,9 +801,8 @@ def level_axes(
 ) -> SmoothAxes | None:
     """Smooth axes of a level in elliptic cones of free ones, from the field of the level `before`; where the machine is
     too SLOW for these, the soonest of these, of those in circular cones, and of those made anew. None where the job
-    wants none, and for a bull nose, whose cusps are known only where it leans along the feed. Where no contact has a
-    cone there is nothing to smooth."""
-    if job.orientation != "cones" or contacts.cutter.is_bull or not len(contacts.contacts):
+    wants none. Where no contact has a cone there is nothing to smooth."""
+    if job.orientation != "cones" or not len(contacts.contacts):
         return before
     with ThreadPoolExecutor(1) as thread:
         meanwhile = thread.submit(contact_facets, contacts, level.surface)

@@ -196,19 +196,17 @@ def obstacles_of(scene: Scene, cutter: Cutter, centres: Float[ndarray, "n 3"]) -
     rows: list[tuple[float, ...]] = []
     columns: list[tuple[float, ...]] = []
     for section in reversed(cutter.profile):
-        around = scene.around(section.name, cutter.envelope_radius)
+        around = scene.around(section.name, cutter.radius)
         is_level = around.obstacle == "level"
         first = len(columns)
         columns += [column.row for column in around.columns]
-        start, end = section.start - cutter.centre_height, section.end - cutter.centre_height
+        start, end = section.start - cutter.radius, section.end - cutter.radius
         radius = section.widest - (scene.tangent_slack if is_level else 0.0)
         rows.append((start, end, radius, float(is_level), around.deviation, first, len(columns), 0, 0))
     sections = np.array(rows)
     to_level = sections[:, 3] > 0
     grids = [
-        distance_grids(
-            distance, cutter.envelope_radius, sections[held, 1].max(initial=0.0) + cutter.envelope_radius, centres
-        )
+        distance_grids(distance, cutter.radius, sections[held, 1].max(initial=0.0) + cutter.radius, centres)
         for distance, held in ((scene.level_distance, to_level), (scene.material_distance, ~to_level))
     ]
     cells = [grid.cells.copy() for grid in grids]
@@ -236,7 +234,7 @@ def single_obstacles(obstacles: Obstacles, section: int) -> Iterator[tuple[str, 
 def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
     """How much larger (mm) than the cutter's ball a ball may be that touches each contact from outside and meets no
     obstacle: of ROOMS the largest for which this holds, or 0."""
-    around = scene.around("cutter", path.cutter.envelope_radius)
+    around = scene.around("cutter", path.cutter.radius)
     rooms = np.array([0.0, *ROOMS])
     free, most = np.zeros((2, len(path.centres)), dtype=np.int64)
     most += len(ROOMS)
@@ -245,7 +243,7 @@ def rooms_at(path: ContactPath, scene: Scene) -> Float[ndarray, " n"]:
         # a ball contains the smaller ones that touch the same contact
         tried = (free[left] + most[left] + 1) // 2
         more = rooms[tried]
-        radius = path.cutter.envelope_radius + more - scene.tangent_slack
+        radius = path.cutter.radius + more - scene.tangent_slack
         middles = path.centres[left] + more[:, None] * path.normals[left]
         empty = around.distance_bound(middles, radius, outside=True) >= radius
         free[left[empty]] = tried[empty]

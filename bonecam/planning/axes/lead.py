@@ -49,10 +49,10 @@ def check_lead(cutter: Cutter, lead_deg: float) -> None:
     A rim of radius r that stands c above the ball's centre along the axis is R + c cos(lead) - r sin(lead) above
     the part, R being the ball's radius.
     """
-    lead = cutter.lead if cutter.is_bull else math.radians(abs(lead_deg))
+    lead = math.radians(abs(lead_deg))
     for section in cutter.profile[1:]:
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius)):
-            if cutter.envelope_radius + (height - cutter.centre_height) * math.cos(lead) <= radius * math.sin(lead):
+            if cutter.radius + (height - cutter.radius) * math.cos(lead) <= radius * math.sin(lead):
                 name = section.name
                 enters = f"at the lead of {lead_deg:g} degrees the {name} would cut into a flat part"
                 if name == "spindle":
@@ -111,7 +111,7 @@ def table_limits(centres: Float[ndarray, "n 3"], cutter: Cutter, clearance: floa
     """
     largest = np.full(len(centres), np.pi)
     rims = [
-        (height - cutter.centre_height + leaving, radius)
+        (height - cutter.radius + leaving, radius)
         for section in cutter.profile
         for height, radius in ((section.start, section.radius), (section.end, section.end_radius))
         for leaving in (0.0, LEAVING)

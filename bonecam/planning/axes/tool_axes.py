@@ -82,8 +82,7 @@ def choose_axes(
     cutter, centres, passes = path.cutter, path.centres, path.pass_index
     max_tilt = np.radians(job.max_tilt_deg)
     if wanted is None:
-        lead = cutter.lead if cutter.is_bull else np.radians(job.lead_deg)
-        leaning = lead_axes(path.normals, path.feeds, lead)
+        leaning = lead_axes(path.normals, path.feeds, np.radians(job.lead_deg))
         wanted = WantedAxes(leaning, np.zeros(len(leaning), dtype=bool))
     bounded = bound_polar_angles(wanted.axes, centres, cutter, checker.scene.clamping, limits)
     preferred = avoid_singularity(bounded, centres, passes)

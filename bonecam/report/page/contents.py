@@ -145,7 +145,7 @@ def _of_rows(
 ) -> tuple[Int[ndarray, " n"], Float[ndarray, "n 3"]]:
     """The kind of each move and the place where its ball touches the level (its tip where it does not cut), from the
     row of the paths that it leads to; moves that are away from all rows are rapids."""
-    radius = np.repeat([path.cutter.centre_height for path in paths], [len(path.tips) for path in paths])[rows]
+    radius = np.repeat([path.cutter.radius for path in paths], [len(path.tips) for path in paths])[rows]
     tips, axes, contacts = (
         np.vstack([getattr(path, name) for path in paths])[rows] for name in ("tips", "axes", "contacts")
     )
@@ -514,18 +514,16 @@ def _uncut(paths: Sequence[ToolPath]) -> tuple[dict[str, Any], dict[str, ndarray
 
 
 def _tool(cutter: Cutter) -> dict[str, Any]:
-    """A cutter: (name, start, end, radius, end radius) of cylinders and cones, mm, above its ball if it has one; its
+    """A cutter: (name, start, end, radius, end radius) of cylinders and cones, mm, above its ball; its
     `length` is that from the tip to the spindle nose."""
     return {
         "number": cutter.number,
         "name": cutter.name,
         "radius": cutter.radius,
         "length": cutter.length,
-        "ball": not cutter.is_bull,
-        "end": cutter.end_name,
+        "end": "ball",
         "sections": [
-            [section.name, section.start, section.end, section.radius, section.end_radius]
-            for section in (*cutter.bull_end, *cutter.profile)
+            [section.name, section.start, section.end, section.radius, section.end_radius] for section in cutter.profile
         ],
     }
 

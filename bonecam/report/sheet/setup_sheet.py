@@ -30,10 +30,11 @@ from bonecam.nc.motions import Motions
 from bonecam.nc.program import Program
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import machine_and_dialect
+from bonecam.planning.blank import bar_of
 from bonecam.planning.stump import Groove
 from bonecam.report.pictures import outline
 from bonecam.report.stage_reports import parting_text
-from bonecam.report.summary import certified_text, uncut_lines
+from bonecam.report.summary import certified_text, left_text, uncut_lines
 from bonecam.report.warnings import bending_text, warning_texts
 from bonecam.setup.stock import Stock
 from bonecam.tool.cutter import Cutter
@@ -161,17 +162,21 @@ def _clamping_drawing(
     holding: HoldingJob,
     table: Table,
     zero: ZeroWords,
+    zero_height: float,
     parting: Mapping[str, Any] | None,
 ) -> str:
-    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero,
-    `parting` is that section of the report."""
+    """The drawing as the text of an SVG element of WIDTH x HEIGHT mm; `zero` are the words of the program's zero
+    at `zero_height` (mm), `parting` is that section of the report."""
     low, high = (float(value) for value in stock.bounds[:, 2])
     held = holding_columns(holding)
     widest = max([float(np.abs(stock.bounds[:, 0]).max()), *(column.radius for column in held.values())])
     beside = tailstock_bodies(holding)
     # the column of a bracket stands beside the paper: header and list tell where
-    paper = Paper(widest, max([high, *(column.top for column in beside)]))
+    bar = bar_of(stock, holding)
+    paper = Paper(widest, max([high, *(column.top for column in (*beside, *([bar] if bar else [])))]))
     draw_table(paper, table)
+    if bar:
+        paper.column(bar.radius, bar.bottom, bar.top, "stock")
 
     # The post, with its parting groove and the height of that, beside the sizes right of what is widest
     top = low + post.radius
@@ -184,7 +189,7 @@ def _clamping_drawing(
         x, y = paper.at(groove.bridge, groove.middle)
         beside_sizes = paper.at(widest, 0.0)[0] + SIZES
         paper.line(x + 1, y, beside_sizes + 1, y, "extension")
-        paper.text(beside_sizes + 1.6, y + 3.5, f"parting Z {groove.middle:.2f}", "start")
+        paper.text(beside_sizes + 1.6, y + 3.5, f"parting Z {groove.middle - zero_height:.2f}", "start")
 
     for name, column in held.items():
         paper.column(column.radius, column.bottom, column.top, "stock" if name == "stub" else "chuck")
@@ -196,7 +201,8 @@ def _clamping_drawing(
         paper.path(ends, "part", closed=False)
     paper.axis(high)
     _draw_sizes(paper, stock, post, holding, widest)
-    draw_zero(paper, zero)
+    _draw_touches(paper, stock, holding, zero_height)
+    draw_zero(paper, zero, zero_height)
     return paper.svg("Stock, post, chuck and table from the front")
 
 
@@ -226,7 +232,7 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
     foot = holding.support_height if holding.stub_length else 0.0
     name = "neck" if holding.stub_length else "post"
     paper.height(foot, low, post.radius, right + SIZES, f"{name} {low - foot:.2f}")
-    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"Z {high:.2f}")
+    paper.height(0.0, high, -float(stock.bounds[1, 0]), -right - SIZES, f"{high:.2f}")
     half = float(np.ptp(stock.bounds[:, 0])) / 2
     name = "\u2300 " if "diameter" in stock.sizes else ""
     depth = f" x {np.ptp(stock.bounds[:, 1]):.2f}" if "depth" in stock.sizes else ""
@@ -239,9 +245,23 @@ def _draw_sizes(paper: Paper, stock: Stock, post: Post, holding: HoldingJob, wid
         paper.text(x - 1.5, y + 3, f"{name} \u2300 {2 * column.radius:g} x {height:g}", "end")
 
 
-def draw_zero(paper: Paper, zero: ZeroWords) -> None:
-    """The program's zero and its words."""
-    x, y = paper.at(0.0, 0.0)
+def _draw_touches(paper: Paper, stock: Stock, holding: HoldingJob, zero_height: float) -> None:
+    """Where a probe touches the end of the bar and the shoulder, with the heights that the program has for them."""
+    bar, stub = bar_of(stock, holding), holding_columns(holding).get("stub")
+    high = bar.top if bar else float(stock.bounds[1, 2])
+    places = [(0.0, high)]
+    if stub is not None and bar is None:
+        places.append(((holding.diameter / 2 + stub.radius) / 2, stub.top))
+    for across, height in places:
+        x, y = paper.at(across, height)
+        paper.elements.append(f'<path class="touch" d="M{x:.2f} {y:.2f}l-1 -2h2Z"/>')
+        words = f"touch Z {round(height - zero_height, 2) + 0.0:.2f}"
+        paper.text(x + 2.5, y - (4.5 if height == high else 0.8), words, "start", "strong")
+
+
+def draw_zero(paper: Paper, zero: ZeroWords, height: float = 0.0) -> None:
+    """The program's zero at a height (mm) and its words."""
+    x, y = paper.at(0.0, height)
     paper.elements.append(
         f'<g transform="translate({x:.2f} {y:.2f})"><circle r="2" class="zero"/>'
         '<path class="quarter" d="M0 0V-2A2 2 0 0 1 2 0Z M0 0V2A2 2 0 0 1 -2 0Z"/></g>'
@@ -281,11 +301,18 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
         caption="From the front (\u2212Y), sizes in mm. Inside the stock: the part in section Y 0.",
         mounted="Stock, clamping, zero",
         drawing=_clamping_drawing(
-            part.mesh, stock, post, job.holding, table=machine.table, zero=zero, parting=report.get("parting")
+            part.mesh,
+            stock,
+            post,
+            job.holding,
+            table=machine.table,
+            zero=zero,
+            zero_height=program.zero_height,
+            parting=report.get("parting"),
         ),
-        setup=items(setup_texts(job, stock, zero)),
+        setup=items(setup_texts(job, stock, zero, program.zero_height)),
         checks=items(_checks(report)),
-        left=items(_left(report)),
+        left=items(_left(report, program.zero_height)),
         warnings=items([*warning_texts(report["warnings"]), IN_AIR, *speeds]),
     )
 
@@ -310,6 +337,7 @@ def article(part: str, program: Program, job: Job, nc: Mapping[str, Any], **told
         program=html.escape(nc["file"] or program.name),
         machine=html.escape(machine.title),
         controller=html.escape(program.controller),
+        datum=f"{job.nc.work_offset}: preset row or work offset, 1 is G54",
         minutes=html.escape("; ".join(program.time.texts)),
         tools="\n".join(_tool_row(cutter, minutes) for cutter, minutes in used),
         cutting=html.escape(f"{coolant}; {CHANGES[job.nc.tool_change]}; {feeds}."),
@@ -341,7 +369,7 @@ def _tool_row(cutter: Cutter, minutes: float) -> str:
     return _cells(
         [
             f"T{cutter.number} {cutter.name}",
-            f"{cutter.radius:g}" + (f", corner {cutter.corner:g}" if cutter.is_bull else ""),
+            f"{cutter.radius:g}",
             f"{cutter.flute_length:g}",
             f"{neck}{cutter.shank_diameter:g}",
             f"{cutter.overhang:g}",
@@ -393,18 +421,18 @@ def left_lines(report: Mapping[str, Any], body: str, *, post: bool = False) -> I
     reasons."""
     left = report["removal"].get("left")
     if left:
-        most = f"{left['max_mm']:.2f} mm at most"
         at_post = f"; at the post {left['by_reason']['post']:.1f} mm²" if post else ""
-        yield f"On the {body} {left['area_over_0_02_mm2']:.1f} mm² keep more than 0.02 mm, {most}{at_post}"
+        yield f"On the {body} {left_text(left).replace('mm2', 'mm²')}{at_post}"
     for line in uncut_lines(report["toolpath"], report["uncut_mm2"]):
         yield f"Uncut: {line}"
 
 
-def _left(report: Mapping[str, Any]) -> Iterator[str]:
-    """What is left on the part and of its post."""
+def _left(report: Mapping[str, Any], zero_height: float) -> Iterator[str]:
+    """What is left on the part and of its post; heights as the program has them."""
     yield from left_lines(report, "part", post=True)
     if "parting" in report:
-        yield f"Parting: {parting_text(report['parting'])}"
+        groove = {**report["parting"], "z_mm": report["parting"]["z_mm"] - zero_height}
+        yield f"Parting: {parting_text(groove)}"
     how = "in the second clamping, see its page" if "second" in report else "by hand"
     yield f"The stump of the post, over {report['post']['footprint_mm2']:.1f} mm² of the part, is removed {how}"
     above = report["post"].get("tailstock")
@@ -436,8 +464,8 @@ def second_article(name: str, clamping: SecondClamping, job: Job, program: Progr
         heading="Setup sheet: second clamping",
         caption="From the front (\u2212Y), sizes in mm: part and shell in section Y 0, and the stump.",
         mounted="Part, shell, clamping, zero",
-        drawing=_second_drawing(clamping, job, machine.table, zero),
-        setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero)),
+        drawing=_second_drawing(clamping, job, machine.table, zero, program.zero_height),
+        setup=items(second_setup_texts(job, clamping.shell, clamping.top, zero, program.zero_height)),
         checks=items(
             [
                 *proof_lines(report),
@@ -464,7 +492,7 @@ WARNINGS = (
 """What the machinist must look at before the start."""
 
 
-def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords) -> str:
+def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: ZeroWords, zero_height: float) -> str:
     """Part, shell, stump, chuck and table from the front, to scale, with their sizes, as SVG."""
     holding, shell, part = job.holding, clamping.shell, clamping.part
     low, high = shell.bounds[:, 2].tolist()
@@ -487,7 +515,7 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
     paper.axis(clamping.top)
     right = paper.scale * widest
     paper.height(low, high, float(shell.bounds[1, 0]), right + 6, f"shell {high - low:.2f}")
-    paper.height(0.0, clamping.top, -post, -right - 6, f"Z {clamping.top:.2f}")
+    paper.height(0.0, clamping.top, -post, -right - 6, f"{clamping.top:.2f}")
     if low:
         paper.height(0.0, low, float(shell.bounds[1, 0]), right + 6, f"{low:.2f}")
     paper.width(post, clamping.top, f"stump \u2300 {holding.diameter:g}", above=1.5)
@@ -495,5 +523,5 @@ def _second_drawing(clamping: SecondClamping, job: Job, table: Table, zero: Zero
         x, y = paper.at(-holding.chuck_diameter / 2, holding.chuck_height)
         size = f"chuck \u2300 {holding.chuck_diameter:g} x {holding.chuck_height:g}"
         paper.text(x - 1.5, y + 3, size, "end")
-    draw_zero(paper, zero)
+    draw_zero(paper, zero, zero_height)
     return paper.svg("Part, shell, stump, chuck and table of the second clamping from the front")

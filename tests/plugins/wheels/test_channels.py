@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bonecam.errors import JobError
-from bonecam.job import Job
 from bonecam.tool import Cutter, FreeCones, MoveKind, ToolPath
 from bonecam.tool.elliptic_cones import EllipticCones
-from bonecam.wheels.channels import indexed, require_ball
+from bonecam.wheels.channels import indexed
 
 RNG = np.random.default_rng(7)
 ROWS = 6
@@ -80,10 +78,3 @@ def test_a_path_that_does_not_end_over_the_axis_is_not_repeated(cutter):
     aside = replace(one, tips=one.tips + np.array([0.5, 0.0, 0.0]))
     with pytest.raises(ValueError, match="over Z"):
         indexed(aside, 3)
-
-
-@pytest.mark.parametrize("shape", ["bull", "flat"])
-def test_a_wheel_is_roughed_with_a_ball(shape):
-    require_ball(Job())
-    with pytest.raises(JobError, match="a wheel is roughed with a ball"):
-        require_ball(Job().with_values(roughing={"shape": shape}))

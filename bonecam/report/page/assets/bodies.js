@@ -58,7 +58,7 @@ function toolBody(tool) {
   const ball = new THREE.SphereGeometry(tool.radius, 32, 16);
   ball.translate(0, 0, tool.radius);
   const looks = { cutter: ["#e69f00"], shank: [METAL], holder: ["#6b7785", 0.55], spindle: ["#8b95a1", 0.25] };
-  if (tool.ball) group.add(new THREE.Mesh(ball, new THREE.MeshPhongMaterial({ color: new THREE.Color(looks.cutter[0]), shininess: 60 })));
+  group.add(new THREE.Mesh(ball, new THREE.MeshPhongMaterial({ color: new THREE.Color(looks.cutter[0]), shininess: 60 })));
   for (const [name, start, end, radius, endRadius] of tool.sections) {
     const body = revolved([[start, end, radius, endRadius]], ...looks[name]);
     body.name = name;

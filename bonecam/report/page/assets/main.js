@@ -159,6 +159,7 @@ function makePanel() {
   const about = [facts.stock.text, program ? `${program.machine} / ${program.controller}, ${timeWords(program)}` : `${facts.levels.length - 1} cuts`, `bonecam ${facts.version}`];
   document.getElementById("about").textContent = about.join(" · ");
   document.getElementById("summary").textContent = facts.summary;
+  document.getElementById("report").textContent = JSON.stringify(facts.report, null, 1);
   const warnings = document.getElementById("warnings");
   const told = [...facts.report.warnings, ...(facts.report.second ? facts.report.second.warnings : [])];
   warnings.hidden = !told.length;
