@@ -280,7 +280,7 @@ def test_what_cannot_be_simulated_is_one_line(chain, tmp_path, capsys):
     program, keep = str(chain[1] / "bone.h"), str(chain[1] / "keep")
     other = tmp_path / "other.h"
     text = Path(program).read_text(encoding="utf-8")
-    other.write_text(re.sub(r"FROM Z \d+", "FROM Z 5", text, count=1), encoding="utf-8")
+    other.write_text(re.sub(r"FROM Z -\d+", "FROM Z -5", text, count=1), encoding="utf-8")
     for arguments, told in (
         ([program, "--keep", str(tmp_path)], "give the folder that `convert"),
         ([program, "--keep", keep, "--machine", "linuxcnc-xyzbc"], "is of another control than LinuxCNC"),
