@@ -9,8 +9,9 @@ leaves in the groove.
 The material is known by its radius over the height, as that of a lathe.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, repeat
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -40,12 +41,18 @@ ROWS = 5
 """A mesh has a ring for so many of them: the largest."""
 LEANS = tuple(np.radians([20.0, 30.0, 10.0, 45.0]))
 """Angles of the tool from the plane across the bar that are tried, radians."""
+UPRIGHT = np.pi / 2
+"""The angle of a tool along the bar: no rotary axis turns, X and Y alone go round, several times as fast."""
 MOST_TURN = np.radians(15.0)
 """The axis turns by no more from one point to the next, radians: half of what a cut may turn it."""
 NEAREST = 0.1
 """The ball's centre comes no nearer to the Z axis, mm: the ball reaches over it."""
 OFF = 0.02
 """The ball keeps so far from what stays, mm: on the caps radii between the heights are known to less."""
+HOLLOW = 15
+"""Rows, each a STEP, over which a hollow of a line is found."""
+FAR = 1e6
+"""Farther from the axis than any material, mm."""
 LEAST = 0.02
 """A layer that takes less is none, mm."""
 DEPTH_SHARE = 0.5
@@ -119,6 +126,10 @@ def stock_profile(stock: Stock, neck: float, foot: float, heights: Float[ndarray
     return Profile(heights, np.where(below, np.maximum(radii, neck + OFF), radii))
 
 
+Line = tuple[Float[ndarray, " s"], Float[ndarray, " s"]]
+"""Distances from the axis and heights of a ball's centre, mm."""
+
+
 @dataclass(frozen=True, eq=False)
 class Lathe:
     """How a cutter takes the material down to what stays: `final` distances of its centre at the heights, no lower than
@@ -129,31 +140,54 @@ class Lathe:
     lowest: float
     depth: float
 
-    def layers(self, material: Profile) -> Iterator[list[tuple[ndarray, ndarray]]]:
-        """The stretches of each layer from the top down: distances from the axis and heights of the ball's centre."""
-        heights = material.heights
+    def layers(self, material: Profile, stays: Profile, within: Bool[ndarray, " k"]) -> Iterator[list[Line]]:
+        """The stretches of each layer among these heights, from the top down. A layer follows what `stays`, at equal
+        distances, and brings the ball's centre no farther than `depth` from where it could be before."""
+        heights, there = material.heights, within & (material.heights >= self.lowest)
         clear = np.maximum(material.around(self.cutter.radius), self.final)
-        open_to = np.where(heights >= self.lowest, clear, -np.inf)
-        outer = float(np.where(open_to - self.final > LEAST, open_to, 0.0).max())
-        before = open_to
-        count = int(np.ceil((outer - max(float(self.final[heights >= self.lowest].min()), 0.0)) / self.depth))
-        for k in range(1, count + 1):
-            after = np.maximum(self.final, np.minimum(before, outer - k * self.depth))
-            cuts = (before - after > LEAST) & (heights >= self.lowest)
+        before = np.where(heights < self.lowest, FAR, clear)  # nothing is reached from below
+
+        def over(more: float) -> Float[ndarray, " k"]:
+            """Where the ball goes that leaves so much on what stays."""
+            return np.maximum(stays.around(self.cutter.radius + more), self.final)
+
+        low, high = 0.0, 2 * float(material.radii.max())
+        while high - low > LEAST:
+            middle = (low + high) / 2
+            low, high = (middle, high) if (there & (clear - over(middle) > LEAST)).any() else (low, middle)
+        layers = np.linspace(high, 0.0, int(np.ceil(high / self.depth)) + 1)[1:] if high > LEAST else []
+        for more in chain(layers, repeat(0.0)):
+            after = np.where(there, np.clip(over(more), self.reached(before), before), before)
+            cuts = before - after > LEAST
             edges = np.flatnonzero(np.diff(np.r_[False, cuts, False]))
             stretches = [(after[a:b][::-1], heights[a:b][::-1]) for a, b in edges.reshape(-1, 2) if b - a > 1]
             if stretches:
                 yield stretches[::-1]
+            elif more == 0.0:
+                return
             before = np.where(cuts, after, before)
+
+    def reached(self, before: Float[ndarray, " k"]) -> Float[ndarray, " k"]:
+        """The least distances of the centre that are no farther than `depth` from one `before`."""
+        rows, count = np.arange(len(before)), int(self.depth / STEP)
+        shifts = np.arange(-count, count + 1)
+        there = np.clip(rows + shifts[:, None], 0, len(rows) - 1)
+        return (before[there] - np.sqrt(np.maximum(self.depth**2 - (shifts * STEP) ** 2, 0.0))[:, None]).min(axis=0)
 
 
 def helix(away: ndarray, heights: ndarray, pitch: float, turn: float) -> tuple[ndarray, ndarray, ndarray]:
     """Angles, distances from the axis and heights of a helix along a line of the half plane, a `pitch` (mm of the line)
-    a turn, no more than `turn` radians apart; it ends with a whole turn."""
+    a turn, no more than `turn` radians apart. In hollows of the line, where a turn on either side would leave more than
+    a cusp, and at its end it goes round once."""
     along = np.r_[0.0, np.cumsum(np.hypot(np.diff(away), np.diff(heights)))]
-    last = 2 * np.pi * along[-1] / pitch
-    angle = np.linspace(0.0, last + 2 * np.pi, int(np.ceil((last + 2 * np.pi) / turn)) + 1)
-    at = np.minimum(angle / (2 * np.pi) * pitch, along[-1])
+    sag = np.zeros(len(away))
+    sag[HOLLOW:-HOLLOW] = (away[: -2 * HOLLOW] + away[2 * HOLLOW :]) / 2 - away[HOLLOW:-HOLLOW]
+    hollows = np.split(np.flatnonzero(sag > CUSP / 2), np.flatnonzero(np.diff(np.flatnonzero(sag > CUSP / 2)) > 1) + 1)
+    places = [along[part[sag[part].argmax()]] for part in hollows if len(part)]
+    knots = np.r_[0.0, np.repeat([*places, along[-1]], 2)]
+    angles = 2 * np.pi * np.cumsum(np.r_[0.0, np.where(np.diff(knots) > 0, np.diff(knots) / pitch, 1.0)])
+    angle = np.linspace(0.0, angles[-1], int(np.ceil(angles[-1] / turn)) + 1)
+    at = np.interp(angle, angles, knots)
     return angle, np.interp(at, along, away), np.interp(at, along, heights)
 
 
@@ -190,31 +224,33 @@ def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: 
     heights = np.arange(stub.top, bar.top + widest + STEP, STEP)
     stays = stock_profile(stock, post.radius, stub.top, heights)
     material = Profile(heights, np.where(heights <= bar.top, bar.radius, -1.0))
+    cap = float(stock.bounds[1, 2]) - stock.diameter / 2
     paths: list[ToolPath] = []
     for cutter in parting_cutters(job, limits.bodies):
         final = np.maximum(stays.around(cutter.radius), NEAREST)
         lathe = Lathe(cutter, final, stub.top + cutter.radius, blank_depth(cutter) - CUSP)
-        for stretches in lathe.layers(material):
-            after = material
-            for away, at in stretches:
-                after = after.without(away, at, cutter.radius)
-            contacts = _contacts(stretches, lathe, stays, job, number=len(paths) + 1)
-            scene = _scene(material, stays, stock, bar, post, clamping, job, cutter)
-            paths.append(_leaning(contacts, scene, limits, job))
-            material = after
+        for upper in (True, False):
+            for stretches in lathe.layers(material, stays, (heights > cap) == upper):
+                after = material
+                for away, at in stretches:
+                    after = after.without(away, at, cutter.radius)
+                scene = _scene(material, stays, stock, bar, post, clamping, job, cutter)
+                layer = _contacts(stretches, lathe, stays, job, upper, number=len(paths) + 1)
+                paths.append(_leaning(layer, scene, limits, job, (UPRIGHT, *LEANS) if upper else LEANS))
+                material = after
     return paths
 
 
-def _contacts(
-    stretches: list[tuple[ndarray, ndarray]], lathe: Lathe, stays: Profile, job: Job, number: int
-) -> ContactPath:
-    """The contacts of a layer, a pass each stretch, counter-clockwise from above."""
-    cutter = lathe.cutter
+def _contacts(stretches: list[Line], lathe: Lathe, stays: Profile, job: Job, upper: bool, number: int) -> ContactPath:
+    """The contacts of a layer, a pass each stretch, from the top down; seen from above clockwise at the `upper` end,
+    where the tool stands along the bar and climbs so, else counter-clockwise."""
+    cutter, sense = lathe.cutter, -1.0 if upper else 1.0
     parts = []
     for index, (away, at) in enumerate(stretches):
         half = np.arccos(1 - job.path.chord_tolerance / float(away.max()))
         turn = min(2 * half, job.path.max_step / float(away.max()), MOST_TURN)
         angle, radii, z = helix(away, at, flat_step(cutter.radius, CUSP), turn)
+        angle *= sense
         # The normal of what stays where the ball touches it, else away from the axis
         final = np.interp(z, stays.heights, lathe.final)
         slope = np.gradient(lathe.final, STEP)
@@ -222,7 +258,7 @@ def _contacts(
         flat = 1 / np.hypot(1.0, rise)
         normals = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), rise * flat])
         centres = np.column_stack([radii * np.cos(angle), radii * np.sin(angle), z])
-        feeds = np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
+        feeds = sense * np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
         parts.append((np.full(len(angle), index), centres, normals, feeds))
     passes, centres, normals, feeds = (np.concatenate(each) for each in zip(*parts, strict=True))
     count = len(passes)
@@ -267,12 +303,12 @@ def _scene(
     )
 
 
-def _leaning(contacts: ContactPath, scene: Scene, limits: MachineLimits, job: Job) -> ToolPath:
-    """The path of a layer with the first of LEANS with which all of it is cut."""
+def _leaning(contacts: ContactPath, scene: Scene, limits: MachineLimits, job: Job, leans: Sequence[float]) -> ToolPath:
+    """The path of a layer with the first of these angles (rad) with which all of it is cut."""
     out = contacts.normals * [1.0, 1.0, 0.0]
     out /= np.linalg.norm(out, axis=1, keepdims=True)
-    for lean in LEANS:
-        axes = np.cos(lean) * out + np.sin(lean) * np.array([0.0, 0.0, 1.0])
+    for lean in leans:
+        axes = np.sin(lean) * np.array([0.0, 0.0, 1.0]) + (np.cos(lean) if lean < UPRIGHT else 0.0) * out
         try:
             path = orient(contacts, scene, limits, job.path, job.nc, fixed=axes)
         except OrientationError:

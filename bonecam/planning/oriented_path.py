@@ -130,12 +130,12 @@ def _runs(path: ContactPath, chosen: ToolAxes, checker: CollisionChecker) -> lis
     """The contacts that have an axis, split wherever the tool cannot cut straight from one to the next."""
     index = np.flatnonzero(chosen.found)
 
-    # Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, a small turn
-    # off the singularity, proven free
+    # Whether the tool cuts straight from each contact of `index` to the next: neighbours on one pass, no turn or a
+    # small one off the singularity, proven free
     passes, axes = path.pass_index[index], chosen.axes[index]
     neighbours = (passes[1:] == passes[:-1]) & (np.diff(index) == 1)
     small_turn = angles_between(axes[1:], axes[:-1]) <= MAX_TURN
-    off_singularity = least_polar_angles(axes) > SINGULAR_ANGLE
+    off_singularity = (least_polar_angles(axes) > SINGULAR_ANGLE) | (axes[1:] == axes[:-1]).all(axis=1)
     joined = np.r_[neighbours & small_turn & off_singularity, False]
     tips = path.cutter.tips_of(path.centres[index], axes)
     joined = checker.moves_free(tips, axes, joined, chosen.free_in_motion[index])
