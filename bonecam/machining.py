@@ -37,7 +37,7 @@ from bonecam.nc.posting import SetupTexts, write_program
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import check_length, check_room
-from bonecam.planning.blank import check_blank
+from bonecam.planning.blank import check_blank, settled_neck
 from bonecam.planning.chosen_cutters import leaves_cutters_open, with_chosen_cutters
 from bonecam.planning.estimate import estimate
 from bonecam.planning.levels import check_parting, plan_paths
@@ -105,6 +105,7 @@ def stand_part(
         guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)
         limits = machine_limits(machine or read_machine(job.nc.machine))
+        job = settled_neck(job)
         seeks_post, seeks_cutters = not job.holding.length, leaves_cutters_open(job)
         filled = unplaced if seeks_cutters else with_filled_pits(unplaced, job.mesh, job.smallest_ball)
         placed = place(filled, job, body)

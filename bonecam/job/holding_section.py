@@ -6,7 +6,7 @@ from bonecam.errors import JobError
 from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 NO_TAILSTOCK, PIN, NECK = "none", "pin", "neck"
-TURNED, MILLED = "turned", "milled"
+AUTO, TURNED, MILLED = "auto", "turned", "milled"
 
 
 LEAST_POST = 0.5
@@ -103,11 +103,11 @@ class HoldingJob(JobSection):
         300.0,
     )
     neck: str = parameter(
-        TURNED,
+        AUTO,
         "Neck",
         "How stock and neck come out of the bar: turned before on a lathe, or milled at the program's start from a bar "
-        "that is only sawn.",
-        choices=(TURNED, MILLED),
+        "that is only sawn; auto: milled where a capsule on a bar is cut by morph levels, else turned.",
+        choices=(AUTO, TURNED, MILLED),
     )
     bar_end: float = millimetres(
         1.0, "Bar end", "How far the sawn bar stands over the stock that is milled from it.", 0.0, 50.0

@@ -30,7 +30,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.errors import MachineError
 from bonecam.job import Job
-from bonecam.job.holding_section import TURNED
+from bonecam.job.holding_section import MILLED
 from bonecam.job.materials.preset import Material, read_material
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
@@ -458,7 +458,7 @@ def setup_texts(job: Job, stock: Stock | None, zero: ZeroWords, zero_height: flo
     stub = held.pop("stub", None)
     name, foot = ("post", 0.0) if stub is None else ("neck", stub.top)
     end = top if stock is None else _neck_end(stock, job.holding.diameter / 2)
-    how = "turned" if job.holding.neck == TURNED else "milled"
+    how = "milled" if job.holding.neck == MILLED else "turned"
     post = f"{name} below it: diameter {job.holding.diameter:.2f} mm, from {level(foot)} to {level(end)}"
     made = "turned before" if how == "turned" else "milled first"
     texts = [f"{post}, {made}, {'parted at the end' if job.holding.parting else 'left uncut'}", *part_texts(job)]

@@ -19,7 +19,7 @@ from numpy import ndarray
 
 from bonecam.errors import OrientationError
 from bonecam.job import HoldingJob, Job, field_error
-from bonecam.job.holding_section import MILLED
+from bonecam.job.holding_section import AUTO, MILLED, TURNED
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.solids import revolve, segments_around
 from bonecam.mesh.triangle_mesh import TriangleMesh
@@ -39,7 +39,7 @@ STEP = 0.02
 """Heights at which radii are known are so far apart, mm."""
 ROWS = 5
 """A mesh has a ring for so many of them: the largest."""
-LEANS = tuple(np.radians([20.0, 30.0, 10.0, 45.0]))
+LEANS = tuple(np.radians([20.0, 30.0, 10.0, 45.0, 0.0]))
 """Angles of the tool from the plane across the bar that are tried, radians."""
 UPRIGHT = np.pi / 2
 """The angle of a tool along the bar: no rotary axis turns, X and Y alone go round, several times as fast."""
@@ -189,6 +189,16 @@ def helix(away: ndarray, heights: ndarray, pitch: float, turn: float) -> tuple[n
     angle = np.linspace(0.0, angles[-1], int(np.ceil(angles[-1] / turn)) + 1)
     at = np.interp(angle, angles, knots)
     return angle, np.interp(at, along, away), np.interp(at, along, heights)
+
+
+def settled_neck(job: Job) -> Job:
+    """The job that says how stock and neck come out of the bar: milled, where that is left open and can be."""
+    holding, stub = job.holding, job.holding.names_nothing or job.holding.stub_length > 0
+    room = not holding.length or holding.length - holding.support_height >= 2 * job.finishing.radius
+    can = (
+        stub and room and job.stock.kind == Capsule.kind and job.path.strategy == "morph" and not holding.has_tailstock
+    )
+    return replace(job, holding=replace(holding, neck=MILLED if can else TURNED)) if holding.neck == AUTO else job
 
 
 def check_blank(setup: Setup, job: Job) -> None:
