@@ -64,7 +64,7 @@ from bonecam.planning.blank import bar_of
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool.path import BLANK, MoveKind, ToolPath
 
 SetupTexts = Callable[[ZeroWords, float], list[str]]
 """What must be mounted, by the words of the program's zero and its height (mm) over that of the part's frame."""
@@ -82,9 +82,11 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
         tools[one.path.cutter.number] += float(one.driven_minutes.sum())
     feed, axes = sum(float(one.minutes.sum()) for one in posted), sum(tools.values())
     minutes = tuple(tools.values())
+    blank = sum(float(one.driven_minutes.sum()) for one in posted if one.path.level == BLANK)
     assumed = machine.time_assumed
     if not machine.knows_accelerations or machine.seconds is None:
-        return ProgramTime(feed, minutes, axes if machine.knows_accelerations else None, assumed=assumed)
+        known = axes if machine.knows_accelerations else None
+        return ProgramTime(feed, minutes, known, assumed=assumed, blank=blank)
     numbers = [one.path.cutter.number for one in posted]
     changes = 1 + sum(a != b for a, b in pairwise(numbers))
     starts = len(posted) if job.nc.optional_stop == "level" else changes
@@ -102,7 +104,7 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
         if not one.dialect.straight_rapids:
             fastest = np.maximum(fastest, lengths(np.diff(way[:, :3], axis=0)) / job.nc.rapid_feed)
         ways += float(motion_minutes(machine, way, fastest, EXACT_STOP).sum())
-    return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed)
+    return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed, blank)
 
 
 def _ways(posted: Sequence[Posted], start: Float[ndarray, "3"]) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:

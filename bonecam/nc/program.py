@@ -56,8 +56,8 @@ class FeedFigures:
 class ProgramTime:
     """Minutes of a program: `feed`, at its feeds and axis speeds alone; `axes`, as the axes drive it, and `whole`, with
     the ways from run to run, tool changes and spindle starts, None where the machine's file does not know
-    accelerations or seconds; `by_hand` so many tool changes are not in it. `tools`: of each tool in the order of the
-    program, as far as the axes are known. `assumed`: what the machine's file assumes of the figures that they are made
+    accelerations or seconds; `by_hand` so many tool changes are not in it. `blank`: of the axes', to mill stock and
+    neck from the bar. `tools`: of each tool in the order of the program, as far as the axes are known. `assumed`: what the machine's file assumes of the figures that they are made
     of."""
 
     feed: float
@@ -66,11 +66,14 @@ class ProgramTime:
     whole: float | None = None
     by_hand: int = 0
     assumed: tuple[str, ...] = ()
+    blank: float = 0.0
 
     def __str__(self) -> str:
         text = f"about {self.feed:.1f} min at the feed"
         if self.axes is not None:
             text += f", {self.axes:.1f} as the axes move"
+        if self.blank:
+            text += f" ({self.blank:.1f} of it to mill stock and neck)"
         if self.whole is not None:
             text += f", {self.whole:.1f} with changes"
         return text + (f" but {self.by_hand} by hand" if self.whole is not None and self.by_hand else "")
@@ -83,8 +86,8 @@ class ProgramTime:
     @property
     def report(self) -> dict[str, float | list[str] | None]:
         """What the report tells of it."""
-        figures = {"time_min": self.feed, "time_axes_min": self.axes, "time_whole_min": self.whole}
-        rounded = {name: None if value is None else round(value, 2) for name, value in figures.items()}
+        figures = {"": self.feed, "axes_": self.axes, "whole_": self.whole, "blank_": self.blank}
+        rounded = {f"time_{name}min": None if value is None else round(value, 2) for name, value in figures.items()}
         return {**rounded, "time_texts": self.texts}
 
 

@@ -483,6 +483,7 @@ class ProgramFigures(TypedDict):
     time_min: float
     time_axes_min: float | None
     time_whole_min: float | None
+    time_blank_min: float
     time_texts: list[str]
     feed_median_mm_min: float
     feed_low_mm_min: float
