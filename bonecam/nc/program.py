@@ -57,7 +57,8 @@ class ProgramTime:
     """Minutes of a program: `feed`, at its feeds and axis speeds alone; `axes`, as the axes drive it, and `whole`, with
     the ways from run to run, tool changes and spindle starts, None where the machine's file does not know
     accelerations or seconds; `by_hand` so many tool changes are not in it. `blank`: of the axes', to mill stock and
-    neck from the bar. `tools`: of each tool in the order of the program, as far as the axes are known. `assumed`: what the machine's file assumes of the figures that they are made
+    neck from the bar. `tools`: of each tool in the order of the program, as far as the axes are known. `assumed`: what
+    the machine's file assumes of the figures that they are made
     of."""
 
     feed: float
