@@ -8,6 +8,7 @@ also coloured by engagement (Fig. 12); after Xu et al. (2013) tool axes on a sur
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.stump import Groove
 from bonecam.report.summary import AxisComparison
 from bonecam.surface.tspline import TSpline
-from bonecam.tool.path import MoveKind, ToolPath
+from bonecam.tool.path import BLANK, MoveKind, ToolPath
 from bonecam.workholding.shell import SecondClamping
 
 COLOUR_MAP = "viridis"
@@ -632,23 +633,29 @@ AXIS_LENGTH = 3.0
 def draw_toolpath(
     paths: Sequence[ToolPath], levels: Sequence[Level], path: str | Path, post: tuple[float, float] | None = None
 ) -> None:
-    """Write the outermost, a middle and the innermost level from the front (-y) and from behind: contacts, some
-    tool axes, links by their tips; the `post` (diameter, top z), mm.
+    """Write the outermost, a middle and the innermost level from the front (-y) and from behind, before them what mills
+    the stock from the bar: contacts, some tool axes, links by their tips; the `post` (diameter, top z), mm.
 
     Rest paths are not drawn. Layers, which follow no level, are drawn on the part.
     """
-    whole = [each for each in paths if not each.rest]
-    shown = [(whole[k], side) for k in sorted({0, len(whole) // 2, len(whole) - 1}) for side in (1.0, -1.0)]
-    figure, plots = new_figure(len(shown))
-    for plot, (item, side) in zip(plots, shown):
-        followed = levels[item.level] if paths[0].level == len(levels) - 2 else levels[0]
-        show_path(plot, item, followed.mesh, side)
+    whole = [each for each in paths if each.level >= 0 and not each.rest]
+    blank = [each for each in paths if each.level == BLANK]
+    shown = [blank] if blank else []
+    shown += [[whole[k]] for k in sorted({0, len(whole) // 2, len(whole) - 1})]
+    figure, plots = new_figure(2 * len(shown))
+    for plot, (items, side) in zip(plots, product(shown, (1.0, -1.0))):
+        level, radii = (
+            items[0].level,
+            " and ".join(f"{radius:g}" for radius in {each.cutter.radius: 0 for each in items}),
+        )
+        followed = levels[0] if whole[0].level != len(levels) - 2 else levels[level if level >= 0 else -1]
+        for item in items:
+            show_path(plot, item, followed.mesh if item is items[0] else None, side)
         if post:
             draw_post(plot, post, levels)
-        cuts = int((item.kinds == MoveKind.CUT).sum())
-        message = f"ball R {item.cutter.radius:g} mm\n{cuts} cuts" if side > 0 else "from behind"
-        title = f"level {item.level}\n{message}"
-        plot.set_title(title, fontsize="medium")
+        cuts = sum(int((item.kinds == MoveKind.CUT).sum()) for item in items)
+        message = f"ball R {radii} mm\n{cuts} cuts" if side > 0 else "from behind"
+        plot.set_title(f"{'blank' if level == BLANK else f'level {level}'}\n{message}", fontsize="medium")
     plots[0].set_ylabel("z (mm)")
 
     add_legend(figure, post is not None)
@@ -666,10 +673,11 @@ def add_legend(figure: Figure, post: bool = False) -> None:
     figure.legend(handles=lines, loc="lower center", ncols=len(lines))
 
 
-def show_path(plot: Plot, item: ToolPath, level: TriangleMesh, side: float = 1.0) -> None:
-    """Draw the moves on the side of a level that faces the viewer at -y (`side` = 1) or y (-1), by the surface
-    normal at the contact, else by the tool axis."""
-    draw_shaded(plot, level, side)
+def show_path(plot: Plot, item: ToolPath, level: TriangleMesh | None, side: float = 1.0) -> None:
+    """Draw a level, if one is given, and the moves on the side that faces the viewer at -y (`side` = 1) or y (-1), by
+    the surface normal at the contact, else by the tool axis."""
+    if level is not None:
+        draw_shaded(plot, level, side)
     seen = np.array([side, 1.0])
     is_cut = item.kinds == MoveKind.CUT
     normals = item.balls - item.contacts

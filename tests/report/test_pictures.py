@@ -36,6 +36,7 @@ from bonecam.report.pictures import (
 from bonecam.setup import Box, Capsule, Stock
 from bonecam.surface import TSpline
 from bonecam.tool import Cutter, MoveKind, ToolPath
+from bonecam.tool.path import BLANK, PARTING
 
 POST = (4.0, 45.0)
 
@@ -108,9 +109,16 @@ STOCKS = [(8.0, 8.0, 18.0), (40.0, 10.0, 18.0), (9.0, 30.0, 18.0), (7.0, 7.0, 12
 def test_rest_paths_take_the_place_of_no_level(drawn):
     outer, middle, inner = (path(level) for level in (3, 1, 0))
     rests = [replace(middle, rest=number) for number in (1, 2, 3)]
-    draw_toolpath([outer, middle, *rests, inner], boxed(*STOCKS[0]), "")
+    draw_toolpath([outer, middle, *rests, inner, path(PARTING)], boxed(*STOCKS[0]), "")
     titles = [plot.get_title().partition("\n")[0] for plot in drawn[0].axes]
     assert [title for title in titles if title] == [f"level {level}" for level in (3, 3, 1, 1, 0, 0)]
+
+
+def test_what_mills_the_blank_is_drawn_on_the_stock_before_the_levels(drawn):
+    blank = [replace(path(BLANK), rest=number) for number in (1, 2)]
+    draw_toolpath([*blank, path(3), path(0)], boxed(*STOCKS[0]), "")
+    titles = [plot.get_title().partition("\n")[0] for plot in drawn[0].axes]
+    assert [title for title in titles if title][::2] == ["blank", "level 3", "level 0"]
 
 
 def test_engagement_is_drawn_on_levels_with_the_share_of_cuts_in_air(drawn):
