@@ -282,6 +282,8 @@ def _decision_lines(report: Mapping[str, Any]) -> Iterator[str]:
     mill = f"{nc['machine']} / {nc['controller']}"
     files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
     yield f"nc        {nc['file'] or 'not written'}{files}: {nc['blocks']} blocks for {mill}"
+    if "probe" in nc:
+        yield f"probe     {nc['probe']}: run it once after clamping, it writes the datum; its words are unproved"
 
 
 def _filled(line: str) -> list[str]:

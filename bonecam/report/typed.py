@@ -466,6 +466,7 @@ class ProgramFigures(TypedDict):
     """The program, and what reading it back proved."""
 
     file: NotRequired[str]
+    probe: NotRequired[str]
     machine: str
     controller: str
     parts: int
