@@ -209,7 +209,8 @@ def _header_texts(
         f"Z {round(height + over, 2) + 0.0:.2f}" for height in (bar.end, bar.upper, bar.lower, bar.clamped)
     )
     before = [
-        f"before: set datum {nc.work_offset} by hand within {ROUGH:g} mm: X 0 Y 0 on the bar's axis, Z 0 on its end",
+        f"before: set datum {nc.work_offset} by hand, X 0 Y 0 on the axis of the bar, Z 0 on its end, "
+        f"within {ROUGH:g} mm",
         "it writes this datum: X Y from the axis at the upper height, Z from the end",
     ]
     if not dialect.tool_centre:

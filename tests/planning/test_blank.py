@@ -1,5 +1,6 @@
 """Stock and neck milled from the bar: posted, read back and simulated on a small capsule; and jobs that cannot."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -149,9 +150,17 @@ def test_a_cutter_that_does_not_get_round_is_told_with_the_remedy():
 @pytest.mark.whole
 def test_a_part_comes_out_of_a_sawn_bar(tmp_path):
     result = bonecam.convert(
-        mesh_of(pebble(), around=40, along=50), Job().with_values(holding={"neck": "milled"}), program=tmp_path / "p.h"
+        mesh_of(pebble(), around=40, along=50),
+        Job().with_values(holding={"neck": "milled"}, nc={"probe": True}),
+        program=tmp_path / "p.h",
     )
     text = (tmp_path / "p.h").read_text()
+    assert "DATUM: P_PROBE WRITES IT" in text
+    probing = (tmp_path / "p_probe.h").read_text()
+    assert re.search(r"BAR: DIAMETER 1\d.00 MM, ITS END AT Z 0.00", probing)
+    assert result.probing.text == probing
+    assert "probe     p_probe.h" in result.summary
+    assert "run p_probe.h once" in result.sheet
     assert "MILLED FIRST FROM A PLAIN BAR" in text
     assert "TURNED" not in text
     assert result.report["removal"]["levels"][0]["index"] == BLANK
