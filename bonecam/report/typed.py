@@ -321,6 +321,7 @@ class RemovalFigures(TypedDict, total=False):
     rapid_contact_mm3: float
     links: LinksFigures
     clearance_mm: dict[str, float | None]
+    clearance_near: dict[str, str]
     left: LeftFigures
     given: GivenFigures | None
     bridge_diameter_mm: float | None

@@ -10,6 +10,7 @@ from small_parts import mesh_of, pebble
 import bonecam
 from bonecam.errors import JobError, OrientationError
 from bonecam.job import Job
+from bonecam.kernels.removal import Pieces
 from bonecam.machine import read_machine
 from bonecam.mesh import Part
 from bonecam.nc import machine_limits, read_dialect, write_program
@@ -22,6 +23,7 @@ from bonecam.setup.placement import place
 from bonecam.setup.stocks.box import Box
 from bonecam.tool.path import BLANK, MoveKind
 from bonecam.verify import Accuracy, simulate_removal
+from bonecam.verify.clearances import nearest_body
 from bonecam.verify.removal import cutters_of
 from bonecam.workholding import Post, clamping_of
 from bonecam.workholding.post import in_collet
@@ -89,6 +91,20 @@ def test_the_simulation_finds_all_round_the_stock_gone_within_the_depth(removal,
     assert removal.table.least.value > 5.0
     assert removal.rapid_contact is None
     assert not any(part.touched for part in (removal.shank, removal.holder, removal.spindle, removal.table))
+
+
+def test_it_is_told_what_comes_nearest_to_what(removal):
+    near = removal.table
+    assert near.part in ("ball", "cutter", "neck", "shank", "holder", "spindle")
+    assert removal.report["clearance_near"]["table"] == f"{near.part} to {near.other}, line {near.least.line}"
+    assert set(removal.report["clearance_near"]) <= set(removal.report["clearance_mm"])
+    # a ball above the stub, and one beside the chuck
+    for place, name in (((0.0, 0.0, 117.0), "stub"), ((20.0, 0.0, 101.0), "chuck"), ((100.0, 0.0, 10.0), "table")):
+        at, up = np.array([place]), np.array([[0.0, 0.0, 1.0]])
+        still = np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1, dtype=bool)
+        pieces = Pieces(at, at + 0.01, up, up, *still, np.zeros((1, 1)), np.zeros((1, 1, 2)))
+        cutter = cutters_of(JOB, MACHINE)[0]
+        assert nearest_body(pieces, cutter, replace(CLAMPING, closed=True)) == name
 
 
 def test_cutter_location_data_keep_the_blank(paths):
