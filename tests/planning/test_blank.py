@@ -99,8 +99,8 @@ def test_it_is_told_what_comes_nearest_to_what(removal):
     assert removal.report["clearance_near"]["table"] == f"{near.part} to {near.other}, line {near.least.line}"
     assert set(removal.report["clearance_near"]) <= set(removal.report["clearance_mm"])
     # a ball above the stub, and one beside the chuck
-    for place, name in (((0.0, 0.0, 117.0), "stub"), ((20.0, 0.0, 101.0), "chuck"), ((100.0, 0.0, 10.0), "table")):
-        at, up = np.array([place]), np.array([[0.0, 0.0, 1.0]])
+    for spot, name in (((0.0, 0.0, 117.0), "stub"), ((20.0, 0.0, 101.0), "chuck"), ((100.0, 0.0, 10.0), "table")):
+        at, up = np.array([spot]), np.array([[0.0, 0.0, 1.0]])
         still = np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1, dtype=bool)
         pieces = Pieces(at, at + 0.01, up, up, *still, np.zeros((1, 1)), np.zeros((1, 1, 2)))
         cutter = cutters_of(JOB, MACHINE)[0]
