@@ -181,10 +181,6 @@ def feed_report(
     return {"by": "force", "time_min": [round(minutes_before, 3), round(minutes, 3)], "cutters": cutters}
 
 
-BAR_ONLY = (("holding", "neck"), ("nc", "probe"))
-"""What a job may want of the bar that a part is cut from: that its neck is milled, a probing program."""
-
-
 def check_force_asked(job: Job, *, asked: bool) -> None:
     """JobError where feeds are to follow a force that is not `asked` for."""
     if job.path.feed == "force" and not asked:
@@ -198,12 +194,12 @@ def check_one_feed(job: Job, why: str) -> None:
         raise field_error("path", "feed", job.path.feed, f"{why}: leave it out, or use `convert`")
 
 
-def refuse_bar(job: Job, what: str, *fields: tuple[str, str]) -> None:
-    """JobError where fields of a job want what there is for a part in a bar alone, which `what` is not."""
-    for section, name in fields or BAR_ONLY:
-        value = getattr(getattr(job, section), name)
-        if value in (MILLED, True):
-            raise field_error(section, name, value, f"{what}: leave it out, or use `convert`")
+def refuse_bar(job: Job, what: str) -> None:
+    """JobError where a job wants what there is for a part in a bar alone, as `what` is not: a milled neck, or a probing
+    program."""
+    for section, name, wanted in (("holding", "neck", MILLED), ("nc", "probe", True)):
+        if getattr(getattr(job, section), name) == wanted:
+            raise field_error(section, name, wanted, f"{what}: leave it out, or use `convert`")
 
 
 def paths_by_force(

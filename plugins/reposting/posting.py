@@ -25,7 +25,7 @@ from bonecam.machine.check import reach_text
 from bonecam.machine.kinematics import inverse_rotary, within_limits
 from bonecam.machine.limits import polar_angles
 from bonecam.machine.machine import Machine, read_machine
-from bonecam.machining import ProvedProgram, post_and_prove, refuse_bar
+from bonecam.machining import ProvedProgram, post_and_prove
 from bonecam.mesh import read_in_mm
 from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
@@ -257,7 +257,9 @@ def post(
     design = _design_file(part_file, keep)
     check_files([program], [design])
     machine, dialect = machine_and_dialect(job.nc)
-    refuse_bar(job, "paths that are posted again know no bar", ("nc", "probe"))
+    if job.nc.probe:
+        what = "[nc] probe = True: paths that are posted again know no bar: leave it out, or use `convert`"
+        raise JobError(what, section="nc", field="probe")
     Outputs(program, split=is_split(job.nc)).check(paths, dialect)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
     check_axes(planned, machine)
