@@ -63,6 +63,7 @@ def test_it_writes_the_datum_that_the_program_calls():
     job = JOB.with_values(nc={"work_offset": 3})
     heidenhain, _ = posted("heidenhain-mikron", job)
     assert set(re.findall(r"Q305=(\d+)", heidenhain.text)) == set(re.findall(r"Q339=(\d+)", heidenhain.text)) == {"3"}
+    assert "WRITE IN ROW 3 OF" in heidenhain.text
     fanuc, _ = posted("fanuc-mikron", job)
     assert re.findall(r" S(\d)", fanuc.text) == ["3", "3", "3"]
     assert "G56" in fanuc.text
