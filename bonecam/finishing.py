@@ -10,7 +10,7 @@ from bonecam.errors import BonecamError, JobError, SurfaceError, knowing
 from bonecam.files import check_files
 from bonecam.job import Job
 from bonecam.machine.machine import Machine
-from bonecam.machining import check_one_feed, post_and_prove
+from bonecam.machining import check_one_feed, post_and_prove, refuse_bar
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids import solid_union
@@ -84,6 +84,7 @@ def finish(
     machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_one_feed(job, "a surface that is finished alone has one feed")
+    refuse_bar(job, "a surface that is finished alone stands in no bar")
     if simulation and mechanics:
         mechanics_of_job(job)
     source = Path(surface) if isinstance(surface, str | Path) else None

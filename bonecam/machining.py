@@ -22,6 +22,7 @@ from numpy import ndarray
 
 from bonecam.errors import knowing
 from bonecam.job import Job, field_error
+from bonecam.job.holding_section import MILLED
 from bonecam.kernels.warming import warming
 from bonecam.levels.job_levels import surface_and_levels
 from bonecam.levels.measure import morph_surfaces
@@ -34,6 +35,7 @@ from bonecam.nc.feeds import drivable_paths, fastest_cut
 from bonecam.nc.header import record_checks
 from bonecam.nc.path_words import Posted, machine_limits, post_path
 from bonecam.nc.posting import SetupTexts, write_program
+from bonecam.nc.probing import check_probing, probing_file, probing_name, write_probing
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import check_length, check_room
@@ -135,6 +137,7 @@ def stand_part(
             check_blank(setup, job)
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
+            check_probing(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)
         if machine is not None:
             check_length(setup.part.mesh, setup.stock, job, part(progress, 1.0, 1.0))
@@ -190,6 +193,14 @@ def check_one_feed(job: Job, why: str) -> None:
     """JobError where a job wants its feeds by the force, which what it is for does not give, as `why` says."""
     if job.path.feed == "force":
         raise field_error("path", "feed", job.path.feed, f"{why}: leave it out, or use `convert`")
+
+
+def refuse_bar(job: Job, what: str) -> None:
+    """JobError where a job wants what there is for a part in a bar alone, as `what` is not: a milled neck, or a probing
+    program."""
+    for section, name, wanted in (("holding", "neck", MILLED), ("nc", "probe", True)):
+        if getattr(getattr(job, section), name) == wanted:
+            raise field_error(section, name, wanted, f"{what}: leave it out, or use `convert`")
 
 
 def paths_by_force(
@@ -360,6 +371,7 @@ def _posted(
     levels = morphed.levels.levels
     source = posting.source
     warning_texts = warnings.header_texts(foretold, job)
+    name = program_name(posting.file or source or "", posting.dialect)
     proved = post_and_prove(
         planned,
         posting.machine,
@@ -367,13 +379,26 @@ def _posted(
         job,
         morph_surfaces(levels)[0],
         given=given_surface(morphed.part, job, morphed.report),
-        name=program_name(posting.file or source or "", posting.dialect),
-        comments=[*warning_texts, *([f"part: {Path(source).name}"] if source else []), *morphed.part.header_texts],
+        name=name,
+        comments=[
+            *warning_texts,
+            *([f"part: {Path(source).name}"] if source else []),
+            *(
+                [f"datum: {probing_name(name, posting.dialect)} writes it, run once after clamping"]
+                if job.nc.probe
+                else []
+            ),
+            *morphed.part.header_texts,
+        ],
         stock=morphed.stock,
         times=posting.times,
         progress=progress,
     )
     reported = report_to_program(posting.file, *proved, job=job.path, part=levels[0].mesh)
+    probing = None
+    if job.nc.probe:
+        probing = write_probing(proved.program, morphed.stock, job, posting.machine, posting.dialect)
+        reported["nc"]["probe"] = probing_file(posting.file).name if posting.file else probing.name
     figures = {**foretold, **reported, "removal": NOT_SIMULATED, "mechanics": NOT_KNOWN}
     checked = cast(Report, warnings.with_warnings(figures, job))
     return Result(
@@ -385,6 +410,7 @@ def _posted(
         job=job,
         paths=proved.paths,
         program=proved.program,
+        probing=probing,
     )
 
 

@@ -79,6 +79,7 @@ def convert(
         apt=apt,
         second=bool(job.holding.second),
         split=is_split(job.nc),
+        probe=job.nc.probe,
     )
     given, source = _given(mesh)
     outputs.check(source, dialect)

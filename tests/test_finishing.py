@@ -8,7 +8,7 @@ import pytest
 from small_parts import pebble
 
 import bonecam
-from bonecam.errors import BendingError, FileError, MachineError, MeshError, SurfaceError, UnitsError
+from bonecam.errors import BendingError, FileError, JobError, MachineError, MeshError, SurfaceError, UnitsError
 from bonecam.machine import read_machine
 from bonecam.mesh import MeshDistance, write_mesh
 from bonecam.mesh.solids import revolve
@@ -212,6 +212,23 @@ def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated
     for given, name in ((huge, "the surface"), (tmp_path / "huge.tspline", r"huge\.tspline")):
         with pytest.raises(UnitsError, match=rf"{name}: .*e\+05 mm from corner to corner: .*: scale it first"):
             bonecam.finish(given, job=JOB)
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        (
+            {"holding": {"neck": "milled"}},
+            r"\[holding\] neck = 'milled': .* stands in no bar: leave it out, or use `conv",
+        ),
+        ({"nc": {"probe": True}}, r"\[nc\] probe = True: .* stands in no bar: leave it out, or use `convert`"),
+    ],
+)
+def test_what_there_is_of_a_bar_alone_is_refused_before_the_surface_is_read(values, why, tmp_path):
+    with pytest.raises(JobError, match=why):
+        bonecam.finish(tmp_path / "none.xyz", job=JOB.with_values(**values))
+    with pytest.raises(JobError, match=why):
+        bonecam.blades(tmp_path / "none.xyz", tmp_path / "none.stl", 2, job=JOB.with_values(**values))
 
 
 def test_refusals_of_path_and_program_name_the_surface(tmp_path):

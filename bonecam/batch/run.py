@@ -48,6 +48,7 @@ from bonecam.mesh.files.label_map import LABEL_MAPS
 from bonecam.mesh.files.mesh_files import READABLE, ending_of
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts import is_split
+from bonecam.nc.probing import probing_file
 from bonecam.nc.program import check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.pipeline import check_job
@@ -264,6 +265,8 @@ def kept_outcome(part: BatchPart, folder: Path, wanted: Wanted) -> Outcome | Non
         files = wanted.files(part, folder)
         if part.job.holding.second:
             files["second"] = second_program_file(files["program"], job_dialect(part.job.nc))
+        if part.job.nc.probe:
+            files["probe"] = probing_file(files["program"])
         if report["fingerprint"] != fingerprint(part) or not all(file.exists() for file in files.values()):
             return None
         seconds = sum(report["seconds"].values())
@@ -356,6 +359,7 @@ def _check_jobs(parts: Sequence[BatchPart], folder: Path) -> None:
     """Every job fits its machine, the error naming the job file where it is a part's own; and the control takes the
     names of all programs in the `folder`."""
     dialects: dict[Job, Dialect] = {}
+    names = {part.name for part in parts}
     for part in parts:
         try:
             if part.job not in dialects:
@@ -367,7 +371,10 @@ def _check_jobs(parts: Sequence[BatchPart], folder: Path) -> None:
         dialect, second = dialects[part.job], bool(part.job.holding.second)
         try:
             program = folder / f"{part.name}{dialect.extension}"
-            check_file_name(program, dialect, second=second, split=is_split(part.job.nc))
+            probe = part.job.nc.probe
+            check_file_name(program, dialect, second=second, split=is_split(part.job.nc), probe=probe)
+            if probe and probing_file(program).stem in names:
+                raise FileError(f"{program}: {probing_file(program).name} is the program of another part: name it anew")
         except FileError as error:
             what = f"{part.file}: {error}, by the name of the part or an `output` in a table of parts"
             raise FileError(what, **error.evidence) from error

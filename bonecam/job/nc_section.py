@@ -144,3 +144,14 @@ class NcJob(JobSection):
         "clamping the rim of the shell), or on the table under it. Paths alone, without a blank, have it on the table.",
         choices=("bar", "table"),
     )
+    probe: bool = parameter(
+        False,
+        "Probing program",
+        "Write beside the program another (bone_probe.h) that finds axis and end of the clamped bar with a touch probe "
+        "and writes the datum.",
+    )
+    probe_tool: int = parameter(99, "Probe tool", "Number of the touch probe in the tool table.", 1, 99)
+    probe_radius: float = millimetres(3.0, "Probe radius", "Radius of the ball of the touch probe.", 0.25, 10.0)
+    probe_length: float = millimetres(
+        50.0, "Probe length", "Length of the stylus, from the middle of its ball to the body of the probe.", 5.0, 500.0
+    )

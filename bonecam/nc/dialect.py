@@ -30,6 +30,14 @@ How to add a dialect: copy a file of `bonecam/nc/dialects/` (name it, or give it
 - [calls]: how a program in parts is written: the name of the `file` of a part, the block that makes the `call`, the
   blocks that a part has at its `begin` and `end`, with the fields {name} {lower} (in small letters) {number} {file},
   and what the control `needs` for it;
+- [probe]: the whole `program` that finds axis and end of the bar with a touch probe (see `nc/probing.py`), and what the
+  control `needs` for it; a form without one has an empty program. Fields: those of a header, {tool} (the probe)
+  {stop} {endless} {rotary} (all at zero) {row} (number of the datum) {datum} (X Y Z of the zero of the words in
+  machine coordinates, where words are joints), and lengths: {x} {y} (of the axis), heights as words: {end} of the bar,
+  {near} above and {search} below it, {upper} {lower} (of the ball's centre at the side), {clear} over the end,
+  {retract} above everything; {upper_drop} {lower_drop} (from clear, negative); {diameter} of the bar, {radius} of the
+  ball, {side} beside the bar, {start} and {beyond} (from the axis, of the ball's centre before a touch and where it is
+  given up); how far the axis may be {off}, how far the bar may {lean} between the heights, the end's {room};
 - [templates]: header, tool, stop, restart, level, position, approach, rapid, feed, feed_kept, coolant_on, coolant_off,
   lift, retract, tool_end, optional_stop, park, home, footer. One line is one block; an empty template writes nothing.
   Fields, by template:

@@ -690,17 +690,17 @@ def control_texts(machine: Machine, dialect: Dialect, posted: Sequence[Posted]) 
     elif math.isfinite(table.half_width):
         size = f"of {2 * table.half_width:.0f} x {2 * table.half_depth:.0f}"
     return [
-        *(f"needs: {_of_machine(need, machine)}" for need in dialect.needs),
+        *(f"needs: {of_machine(need, machine)}" for need in dialect.needs),
         f"programmed point: {point} {where}",
         *zero_texts(machine, dialect),
         *(VECTOR if dialect.vector else []),
-        *(_of_machine(note, machine) for note in notes),
+        *(of_machine(note, machine) for note in notes),
         rapids,
         f"kept clear of: a spindle nose of {nose or 'no known size'}; a table {size} mm",
     ]
 
 
-def _of_machine(text: str, machine: Machine) -> str:
+def of_machine(text: str, machine: Machine) -> str:
     """A line of a dialect with the axes of the machine in the place of its fields."""
     letters = [axis.letter for axis in machine.own_rotary]
     wound = [axis.letter for axis in machine.own_rotary if axis.endless] or letters

@@ -31,6 +31,8 @@ from bonecam.text.pattern import Pattern
 
 SECOND, PART = len("_second"), len(f"_{MOST_LEVELS}")
 """Characters by which names of programs of a second clamping, and of parts of a program, are longer."""
+PROBE = len("_probe")
+"""Those by which the name of a probing program is longer."""
 HIGHEST_NUMBER = 7999
 """Programs of higher numbers belong to the maker of the machine (Fanuc: 8000 and 9000)."""
 LOWEST_DRAWN = 1000
@@ -140,10 +142,10 @@ def second_program_file(file: str | Path, dialect: Dialect) -> Path:
     return dotted if taken else second_file(file, "_")
 
 
-def check_file_name(file: Path, dialect: Dialect, *, second: bool, split: bool) -> None:
+def check_file_name(file: Path, dialect: Dialect, *, second: bool, split: bool, probe: bool) -> None:
     """FileError where the control of a dialect takes no program of a file's name, nor those of its `second` clamping
-    and, where it is `split`, its parts, which are longer; it names one that it takes."""
-    longest = dialect.file_name.longest - SECOND * second - PART * split
+    and, where it is `split`, its parts, nor that of its `probe`, which are longer; it names one that it takes."""
+    longest = dialect.file_name.longest - max(SECOND * second + PART * split, PROBE * probe)
     pattern = Pattern(dialect.file_name.pattern)
     if len(file.stem) <= longest and pattern.match(file.stem) is not None:
         return

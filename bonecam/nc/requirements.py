@@ -79,6 +79,7 @@ def job_dialect(nc: NcJob) -> Dialect:
         (split, is_split(nc) and not templates.restart, "a template restart"),
         (f"nc.optional_stop = {nc.optional_stop!r}", stops, "a template optional_stop"),
         (f"nc.park = {nc.park!r}", nc.park.strip() and not getattr(templates, parks), f"a template {parks}"),
+        ("nc.probe = true", nc.probe and not dialect.probe.program, "a table [probe]"),
     ):
         if missing:
             raise _refused(dialect, asked, f"leave it out, or add {template} to its file")

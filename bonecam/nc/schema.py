@@ -15,6 +15,8 @@ The schema of a dialect's templates: their names, and the fields that each may h
 
 The schema of a dialect's table [calls]: how one program calls another, and how such a program begins and ends.
 
+The schema of a dialect's table [probe]: the program that finds the clamped bar.
+
 The schema of a dialect's grammar: the statements and the codes that the reader knows, and what they do.
 
 The schema of a dialect file: keys, types, ranges, and what templates may hold. The text of `nc.dialect` says what
@@ -325,6 +327,30 @@ class TemplatesTable(Record):
             except ValueError as error:
                 raise KeyFault(name, str(error)) from error
         return self
+
+
+PROBE_FIELDS: dict[str, str | int] = {
+    "name": "BONE_PROBE",
+    "number": 1001,
+    "comments": "; X",
+    "tool_centre_off": "M129",
+    "endless": "M126",
+    "rotary": "B+0.0 C+0.0",
+    "tool": 99,
+    "stop": "M0",
+    "row": 1,
+    "datum": "X0.0 Y0.0 Z1.0",
+    **dict.fromkeys("x y end near search upper lower clear upper_drop lower_drop retract".split(), "+1.0"),
+    **dict.fromkeys("diameter radius side start beyond off lean room".split(), "1.0"),
+}
+"""The fields that a probing program may have, and a sample of each."""
+
+
+class ProbeTable(Record):
+    """The probing `program`, whole, and what the control `needs` for it; empty where it has no words for one."""
+
+    program: Annotated[str, Field(max_length=10000), AfterValidator(partial(check_template, fields=PROBE_FIELDS))] = ""
+    needs: Annotated[list[Block], Field(max_length=20)] = no_items()
 
 
 SAMPLES: dict[str, str | int] = {"name": "BONE_1", "lower": "bone_1", "number": 1002, "file": "BONE_1.h"}
@@ -639,6 +665,7 @@ class DialectFile(Record):
     vector: VectorTable | None = None
     forms: Annotated[dict[Form, dict[str, Any]], Field(max_length=3)] = Field(default_factory=dict)
     templates: TemplatesTable
+    probe: ProbeTable = ProbeTable()
     statements: Annotated[list[StatementTable], Field(max_length=200)] = no_items()
     codes: CodesTable = CodesTable()
     stated: StatedTable = StatedTable()

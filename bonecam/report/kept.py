@@ -33,6 +33,7 @@ from bonecam.mesh.part import Part
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.path_words import machine_limits
+from bonecam.nc.probing import Probing
 from bonecam.nc.program import Program
 from bonecam.planning.collision import level_scene
 from bonecam.planning.stump import cut_groove
@@ -279,12 +280,14 @@ class Morphed(Shown):
 @dataclass(frozen=True, eq=False, repr=False)
 class Result(Morphed):
     """The result of `bonecam.convert`: levels, the tool path of each level in machining order, the program, and what it
-    removes (None where that was not simulated); `second` is the program of the second clamping, if the job has one."""
+    removes (None where that was not simulated); `second` is the program of the second clamping and `probing` that of
+    the touch probe, if the job has them."""
 
     paths: tuple[ToolPath, ...]
     program: Program
     removal: Removal | None = None
     second: SecondProgram | None = None
+    probing: Probing | None = None
 
     @property
     def sheet(self) -> str:

@@ -35,6 +35,7 @@ from bonecam.nc.dialect import Dialect, dialect_names, read_dialect
 from bonecam.nc.header import record_simulation
 from bonecam.nc.parts import stage_program_files
 from bonecam.nc.path_words import machine_limits
+from bonecam.nc.probing import probing_file
 from bonecam.nc.program import Program, check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
 from bonecam.planning.surface_paths import Workpiece
@@ -83,7 +84,7 @@ APT = (".apt", ".cl", ".cls")
 class Outputs:
     """The files of program, report, surface, page, sheet and cutter location data, and the folder of --keep; None where
     not wanted. Where a run has a `second` clamping, program, page and cutter location data are two files each; a
-    program that is `split` has parts beside it."""
+    program that is `split` has parts beside it, and one for the touch `probe`, if that is wanted."""
 
     program: File = None
     keep: File = None
@@ -94,6 +95,7 @@ class Outputs:
     apt: File = None
     second: bool = False
     split: bool = False
+    probe: bool = False
 
     def check(self, part: str | Path | None = None, dialect: Dialect | None = None) -> None:
         """FileError where a file cannot be written, has an ending of another kind of file, or is the part's
@@ -102,11 +104,12 @@ class Outputs:
         `dialect` is that of the program, where one is wanted.
         """
         twice = (self.program, self.html, self.apt)
-        seconds = [second_file(file) for file in twice if file is not None and self.second]
-        check_files([*twice, self.report, self.surface, self.sheet, *seconds], [part])
+        beside = [second_file(file) for file in twice if file is not None and self.second]
+        beside += [probing_file(self.program)] if self.program is not None and self.probe else []
+        check_files([*twice, self.report, self.surface, self.sheet, *beside], [part])
         if self.program is not None and dialect is not None:
             check_ending(Path(self.program), dialect)
-            check_file_name(Path(self.program), dialect, second=self.second, split=self.split)
+            check_file_name(Path(self.program), dialect, second=self.second, split=self.split, probe=self.probe)
         if self.surface is not None:
             check_target(self.surface)
         for page in (self.html, self.sheet):
@@ -146,6 +149,8 @@ class Outputs:
                 if morphed.second is not None:
                     programs[second_program_file(self.program, dialect)] = morphed.second.program
                 stage_program_files(staging, programs, dialect)
+                if morphed.probing is not None:
+                    staging.write(probing_file(self.program), morphed.probing.text)
             # the wanted outputs beside the program, and what writes each
             wanted: list[tuple[File, Callable[[str | Path], None]]] = [
                 (self.report, lambda file: staging.write(file, report_text(morphed.report))),

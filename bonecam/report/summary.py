@@ -282,6 +282,8 @@ def _decision_lines(report: Mapping[str, Any]) -> Iterator[str]:
     mill = f"{nc['machine']} / {nc['controller']}"
     files = f" and {counted(nc['parts'], 'file')} that it calls" if nc["parts"] else ""
     yield f"nc        {nc['file'] or 'not written'}{files}: {nc['blocks']} blocks for {mill}"
+    if "probe" in nc:
+        yield f"probe     {nc['probe']}: run it once after clamping, it writes the datum; its words are unproved"
 
 
 def _filled(line: str) -> list[str]:
@@ -359,10 +361,14 @@ def removal_lines(removal: Mapping[str, Any]) -> Iterator[str]:
         linked = f"links {links['removed_mm3']:.2f} mm3, {where}"
     over = max(level["over_limit_mm"] or 0.0 for level in removal["levels"])
     yield f"removal   rapids cut nothing, {linked}; depth at most {over:.2f} mm over its limit"
+    near = removal.get("clearance_near", {})
     spaces = ", ".join(
-        f"{part} {'far' if value is None else f'{value:.2f} mm'}" for part, value in removal["clearance_mm"].items()
+        f"{part} far"
+        if value is None
+        else f"{part} {value:.2f} mm" + (f" ({near[part]})" if " to " in near.get(part, "") else "")
+        for part, value in removal["clearance_mm"].items()
     )
-    yield f"clear     {spaces}"
+    yield from _filled(f"clear     {spaces}")
 
 
 def left_text(left: Mapping[str, Any]) -> str:

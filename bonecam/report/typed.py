@@ -321,6 +321,7 @@ class RemovalFigures(TypedDict, total=False):
     rapid_contact_mm3: float
     links: LinksFigures
     clearance_mm: dict[str, float | None]
+    clearance_near: dict[str, str]
     left: LeftFigures
     given: GivenFigures | None
     bridge_diameter_mm: float | None
@@ -466,6 +467,7 @@ class ProgramFigures(TypedDict):
     """The program, and what reading it back proved."""
 
     file: NotRequired[str]
+    probe: NotRequired[str]
     machine: str
     controller: str
     parts: int

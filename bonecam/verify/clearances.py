@@ -68,6 +68,18 @@ def table_clearance(pieces: Pieces, cutter: Cutter, clamping: Clamping, within: 
     return least, move, name, min((one[3] for one in clearances if one[3] >= 0), default=-1)
 
 
+def nearest_body(pieces: Pieces, cutter: Cutter, clamping: Clamping) -> str:
+    """The name of what the tool comes nearest to of its clamping."""
+    sections, _ = sections_of(cutter)
+    bodies = [(one.name, np.array([replace(one, bottom=max(one.bottom, DEEPEST)).row])) for one in clamping.kept_off]
+    bodies += [("table", np.zeros((0, 5)))] if clamping.closed else []
+    least = [
+        fixed_clearance(pieces, sections, cutter.radius, columns, closed=not len(columns), within=np.inf)[0]
+        for _, columns in bodies
+    ]
+    return bodies[int(np.argmin(least))][0]
+
+
 def shell_clearance(motions: Motions, cutters: Sequence[Cutter], shell: TriangleMesh) -> Clearance:
     """How near the whole tool comes to the shell of a second clamping, to NEAR mm; they touch where that is not sure
     to be no contact."""

@@ -237,13 +237,17 @@ class LevelRemoval:
 @dataclass(frozen=True)
 class Clearance:
     """Least signed distance (mm) of `part` of the tool from what stands, `None` where nothing came near;
-    `touched` is the first line in which they meet, 0 for none. Of the bodies of a machine `part` is the one and `other`
-    the other that come nearest to each other, and `touched` a line in which they do."""
+    `touched` is the first line in which they meet, 0 for none. `other` is what it comes nearest to of table and
+    clamping. Of the bodies of a machine `part` is the one and `other` the other that come nearest to each other, and
+    `touched` a line in which they do."""
 
     part: str
     least: Spot | None
     touched: int
     other: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.part}{self.other and f' to {self.other}'}, line {self.least.line}" if self.least else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,12 +317,9 @@ class Removal:
     @property
     def report(self) -> dict[str, Any]:
         """The section `removal` of the report."""
-        names = ("shank", "holder", "spindle", "table")
-        clearances = {name: getattr(self, name).least for name in names}
-        for name in ("shell", "tailstock", "bodies"):
-            kept: Clearance | None = getattr(self, name)
-            if kept is not None:
-                clearances[name] = kept.least
+        names = ("shank", "holder", "spindle", "table", "shell", "tailstock", "bodies")
+        kept: dict[str, Clearance | None] = {name: getattr(self, name) for name in names}
+        clearances = {name: clearance.least for name, clearance in kept.items() if clearance is not None}
         depths = [level.link_depth for level in self.levels if level.link_depth]
         deepest = max(depths, key=lambda spot: spot.value, default=None)
         most = self.link_contact
@@ -335,6 +336,7 @@ class Removal:
                 "depth_max_line": deepest.line if deepest else None,
             },
             "clearance_mm": {name: _rounded(spot.value) if spot else None for name, spot in clearances.items()},
+            "clearance_near": {name: str(one) for name, one in kept.items() if one is not None and one.least},
             "left": {
                 "area_over_0_02_mm2": round(self.left.area, 3),
                 "part_mm2": round(self.left.mesh.area, 3),

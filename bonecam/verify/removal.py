@@ -41,7 +41,7 @@ from bonecam.surface.tspline import TSpline
 from bonecam.text.numbers import told_apart
 from bonecam.tool.cutter import Cutter
 from bonecam.tool.path import BESIDE, BLANK, PARTING
-from bonecam.verify.clearances import NEAR, body_clearance, shell_clearance, table_clearance
+from bonecam.verify.clearances import NEAR, body_clearance, nearest_body, shell_clearance, table_clearance
 from bonecam.verify.clearances import TOUCHING as BODIES_NEAR
 from bonecam.verify.findings import (
     LINK_ALLOWED,
@@ -315,7 +315,11 @@ class _Simulation:
         within = known.least.value if known.least else np.inf
         least, move, part, touched = table_clearance(pieces, cutter, clamping, within)
         line = int(self.motions.lines[touched]) if touched >= 0 else 0
-        return Clearance(part, self._spot(least, touched if line else move), line) if move >= 0 else known
+        if move < 0:
+            return known
+        nearest = touched if line else move
+        there = Pieces._make(column[pieces.moves == nearest] for column in pieces)
+        return Clearance(part, self._spot(least, nearest), line, other=nearest_body(there, cutter, clamping))
 
     def result(self, levels: Sequence[LevelRemoval], tools: Mapping[int, Cutter], post: Post | None) -> Removal:
         """What was found over all levels."""

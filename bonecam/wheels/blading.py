@@ -10,7 +10,7 @@ from bonecam.finishing import Solid, naming
 from bonecam.job import Job
 from bonecam.levels import morph_open
 from bonecam.machine import Machine
-from bonecam.machining import check_one_feed, post_and_prove
+from bonecam.machining import check_one_feed, post_and_prove, refuse_bar
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh import MeshDistance
 from bonecam.nc import Dialect, machine_limits
@@ -81,6 +81,7 @@ def blades(
     machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_one_feed(job, "a wheel has one feed a cutter")
+    refuse_bar(job, "a wheel stands in no bar")
     require_upright(machine)
     if simulation and mechanics:
         mechanics_of_job(job)

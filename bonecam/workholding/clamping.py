@@ -74,7 +74,7 @@ class Clamping:
 
     def with_pin(self, post: Post) -> "Clamping":
         """The clamping with what holds the free end of a post's part, which nothing touches either."""
-        return replace(self, beside=(*self.beside, *post.solids[1:]))
+        return replace(self, beside=(*self.beside, *(replace(one, name="tailstock") for one in post.solids[1:])))
 
     def kept_columns(self, section: str, air: float = 0.0) -> tuple[Column, ...]:
         """The columns, with what a section of the tool (cutter, neck, shank, holder, spindle) keeps round them; `air`
@@ -102,12 +102,13 @@ def clamping_of(holding: HoldingJob, table: Table) -> Clamping:
     columns = list(held.values())
     height = 0.0
     for piece in table.standing:
-        columns.append(Column(max(piece.diameter, piece.top_diameter) / 2, height + piece.length, height))
+        size = max(piece.diameter, piece.top_diameter) / 2, height + piece.length, height
+        columns.append(Column(*size, name="what stands on the table"))
         height += piece.length
     if table.open_beside:
         plate = math.hypot(table.half_width, table.half_depth)
-        columns.append(Column(min(table.radius, plate), 0.0, -math.inf))
-    beside = tailstock_bodies(holding)
+        columns.append(Column(min(table.radius, plate), 0.0, -math.inf, name="table"))
+    beside = tuple(replace(one, name="tailstock") for one in tailstock_bodies(holding))
     return Clamping(tuple(columns), not table.open_beside, holding.clearance, stub, beside)
 
 
@@ -115,12 +116,13 @@ def holding_columns(holding: HoldingJob) -> dict[str, Column]:
     """What a job puts on the table below the neck, by name, from the lowest up: riser, chuck, stub."""
     columns = {}
     if holding.riser_height:
-        columns["riser"] = Column(holding.riser_diameter / 2, holding.riser_height)
+        columns["riser"] = Column(holding.riser_diameter / 2, holding.riser_height, name="riser")
     if holding.chuck_height:
-        columns["chuck"] = Column(holding.chuck_diameter / 2, holding.chuck_height, holding.riser_height)
+        size = holding.chuck_diameter / 2, holding.chuck_height, holding.riser_height
+        columns["chuck"] = Column(*size, name="chuck")
     if holding.stub_length:
         foot = max(holding.chuck_height, holding.riser_height)
-        columns["stub"] = Column(holding.stub_diameter / 2, holding.support_height, foot)
+        columns["stub"] = Column(holding.stub_diameter / 2, holding.support_height, foot, name="stub")
     return columns
 
 

@@ -19,7 +19,7 @@ free end, which stays uncut likewise.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -35,13 +35,14 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 @dataclass(frozen=True)
 class Column:
     """A solid upright cylinder: its radius, z of its top and bottom (-inf: without end), and where its axis stands, mm:
-    the Z axis if nothing else is said."""
+    the Z axis if nothing else is said; `name` is what it is told as."""
 
     radius: float
     top: float
     bottom: float = 0.0
     x: float = 0.0
     y: float = 0.0
+    name: str = field(default="post", compare=False)
 
     @property
     def row(self) -> tuple[float, float, float, float, float]:

@@ -257,6 +257,9 @@ def post(
     design = _design_file(part_file, keep)
     check_files([program], [design])
     machine, dialect = machine_and_dialect(job.nc)
+    if job.nc.probe:
+        what = "[nc] probe = True: paths that are posted again know no bar: leave it out, or use `convert`"
+        raise JobError(what, section="nc", field="probe")
     Outputs(program, split=is_split(job.nc)).check(paths, dialect)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
     check_axes(planned, machine)

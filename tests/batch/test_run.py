@@ -335,6 +335,22 @@ def test_what_else_is_wanted_of_each_part_is_written_and_resumed(tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
+def test_a_part_is_done_again_where_its_probing_program_is_gone(tmp_path):
+    files, out = meshes(tmp_path, a="good"), tmp_path / "out"
+    job = Job().with_values(nc={"probe": True})
+    convert_many(files, out, job, work=WORK)  # whose stand-in writes none
+    assert [one.state for one in convert_many(files, out, job, resume=True, work=WORK)] == ["done"]
+    (out / "a_probe.h").touch()
+    assert [one.state for one in convert_many(files, out, job, resume=True, work=WORK)] == ["kept"]
+
+
+def test_a_part_with_the_name_of_a_probing_program_is_refused_before_anything_runs(tmp_path):
+    files = [tmp_path / "a.stl", tmp_path / "a_probe.stl"]
+    with pytest.raises(FileError, match=r"a_probe\.h is the program of another part"):
+        convert_many(files, tmp_path / "out", Job().with_values(nc={"probe": True}))
+
+
+@pytest.mark.usefixtures("quick")
 def test_the_table_tells_what_a_report_says(tmp_path):
     shell = tmp_path / "shell.stl"
     shell.write_text("solid")

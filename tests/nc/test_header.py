@@ -63,7 +63,7 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text):
     head = text[: text.index("TOOL CALL")]
     told = comments(head)
     for said in (
-        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM, FROM Z -15.20 TO Z 0.00",
+        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM STOCK: FROM Z -15.20 TO Z 0.00",
         "A BAR TURNED TO A CYLINDER WITH HALF A BALL AT EITHER END",
         "POST BELOW IT: DIAMETER 4.00 MM, FROM Z -44.60 TO Z -14.89, TURNED BEFORE",
         "NOTHING OF CHUCK, COLLET OR VICE MAY STAND ABOVE Z -44.60",

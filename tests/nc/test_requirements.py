@@ -145,14 +145,14 @@ LONG = "Proximale Phalanx links - Versuch Nr 12 Größe L (für Dr X) - bitte ni
 @pytest.mark.parametrize(("second", "split"), [(False, False), (True, True)])
 def test_a_name_that_a_control_refuses_is_told_with_one_that_it_takes(name, second, split):
     dialect = read_dialect(name)
-    check_file_name(Path(f"bone{dialect.extension}"), dialect, second=second, split=split)
+    check_file_name(Path(f"bone{dialect.extension}"), dialect, second=second, split=split, probe=second)
     for stem in (LONG, "1", "größe", "a" * 300):
         try:
-            check_file_name(Path(f"{stem}{dialect.extension}"), dialect, second=second, split=split)
+            check_file_name(Path(f"{stem}{dialect.extension}"), dialect, second=second, split=split, probe=second)
         except FileError as error:
             proposed = Path(str(error).rsplit("name it ", 1)[1])
             assert proposed.suffix == dialect.extension
-            check_file_name(proposed, dialect, second=second, split=split)
+            check_file_name(proposed, dialect, second=second, split=split, probe=second)
             other = second_program_file(proposed, dialect)
             assert re.fullmatch(dialect.file_name.pattern, other.stem)
             assert len(f"{other.stem}_2000") <= dialect.file_name.longest or not second

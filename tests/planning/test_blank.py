@@ -1,5 +1,6 @@
 """Stock and neck milled from the bar: posted, read back and simulated on a small capsule; and jobs that cannot."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from small_parts import mesh_of, pebble
 import bonecam
 from bonecam.errors import JobError, OrientationError
 from bonecam.job import Job
+from bonecam.kernels.removal import Pieces
 from bonecam.machine import read_machine
 from bonecam.mesh import Part
 from bonecam.nc import machine_limits, read_dialect, write_program
@@ -21,6 +23,7 @@ from bonecam.setup.placement import place
 from bonecam.setup.stocks.box import Box
 from bonecam.tool.path import BLANK, MoveKind
 from bonecam.verify import Accuracy, simulate_removal
+from bonecam.verify.clearances import nearest_body
 from bonecam.verify.removal import cutters_of
 from bonecam.workholding import Post, clamping_of
 from bonecam.workholding.post import in_collet
@@ -90,6 +93,20 @@ def test_the_simulation_finds_all_round_the_stock_gone_within_the_depth(removal,
     assert not any(part.touched for part in (removal.shank, removal.holder, removal.spindle, removal.table))
 
 
+def test_it_is_told_what_comes_nearest_to_what(removal):
+    near = removal.table
+    assert near.part in ("ball", "cutter", "neck", "shank", "holder", "spindle")
+    assert removal.report["clearance_near"]["table"] == f"{near.part} to {near.other}, line {near.least.line}"
+    assert set(removal.report["clearance_near"]) <= set(removal.report["clearance_mm"])
+    # a ball above the stub, and one beside the chuck
+    for spot, name in (((0.0, 0.0, 117.0), "stub"), ((20.0, 0.0, 101.0), "chuck"), ((100.0, 0.0, 10.0), "table")):
+        at, up = np.array([spot]), np.array([[0.0, 0.0, 1.0]])
+        still = np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1, dtype=bool)
+        pieces = Pieces(at, at + 0.01, up, up, *still, np.zeros((1, 1)), np.zeros((1, 1, 2)))
+        cutter = cutters_of(JOB, MACHINE)[0]
+        assert nearest_body(pieces, cutter, replace(CLAMPING, closed=True)) == name
+
+
 def test_cutter_location_data_keep_the_blank(paths):
     read = read_apt(apt_text(paths))
     assert {path.level for path in read.paths} == {BLANK}
@@ -149,9 +166,17 @@ def test_a_cutter_that_does_not_get_round_is_told_with_the_remedy():
 @pytest.mark.whole
 def test_a_part_comes_out_of_a_sawn_bar(tmp_path):
     result = bonecam.convert(
-        mesh_of(pebble(), around=40, along=50), Job().with_values(holding={"neck": "milled"}), program=tmp_path / "p.h"
+        mesh_of(pebble(), around=40, along=50),
+        Job().with_values(holding={"neck": "milled"}, nc={"probe": True}),
+        program=tmp_path / "p.h",
     )
     text = (tmp_path / "p.h").read_text()
+    assert "DATUM: P_PROBE WRITES IT" in text
+    probing = (tmp_path / "p_probe.h").read_text()
+    assert re.search(r"BAR: DIAMETER 1\d.00 MM, ITS END AT Z 0.00", probing)
+    assert result.probing.text == probing
+    assert "probe     p_probe.h" in result.summary
+    assert "run p_probe.h once" in result.sheet
     assert "MILLED FIRST FROM A PLAIN BAR" in text
     assert "TURNED" not in text
     assert result.report["removal"]["levels"][0]["index"] == BLANK

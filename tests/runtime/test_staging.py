@@ -30,6 +30,7 @@ from bonecam.errors import FileError
 from bonecam.files import check_folder, whole_folder, write_whole
 from bonecam.job import Job
 from bonecam.mesh import TriangleMesh, write_mesh
+from bonecam.nc.probing import Probing
 from bonecam.report import outputs as output_files
 from bonecam.report.kept import Result
 from bonecam.report.outputs import Outputs
@@ -105,11 +106,11 @@ def test_a_folder_below_one_that_cannot_be_written_is_written():
         kept.parent.chmod(0o755)
 
 
-def made() -> Result:
+def made(probing: Probing | None = None) -> Result:
     """What stands for a run's result where only its program's text is looked at."""
     unused: Any = SimpleNamespace(levels=(), mesh=None)
     program: Any = SimpleNamespace(text="BEGIN\n")
-    return Result(unused, unused, unused, unused, {"a": 1}, Job(), (), program)
+    return Result(unused, unused, unused, unused, {"a": 1}, Job(), (), program, probing=probing)
 
 
 @pytest.fixture
@@ -164,6 +165,26 @@ def test_without_a_place_for_the_program_nothing_is_written(outputs, tmp_path):
     with pytest.raises(FileError, match=r"p\.h: is a folder"):
         write(outputs)
     assert [item.name for item in tmp_path.iterdir()] == ["p.h"]
+
+
+def test_the_probing_program_is_written_with_the_program_or_neither(outputs, tmp_path):
+    (tmp_path / "p_probe.h").mkdir()
+    run = made(Probing("PROBE\n", "P_PROBE"))
+    with pytest.raises(FileError, match=r"p_probe\.h: is a folder"):
+        outputs.write(run)
+    assert [item.name for item in tmp_path.iterdir()] == ["p_probe.h"]
+    (tmp_path / "p_probe.h").rmdir()
+    outputs.write(run)
+    assert (tmp_path / "p_probe.h").read_text() == "PROBE\n"
+    assert (tmp_path / "p.h").read_text() == "BEGIN\n"
+
+
+def test_a_part_in_the_place_of_the_probing_program_is_told_before_the_work(tmp_path):
+    part = tmp_path / "p_probe.h"
+    part.write_text("solid")
+    Outputs(tmp_path / "p.h").check(part)
+    with pytest.raises(FileError, match=r"p_probe\.h"):
+        Outputs(tmp_path / "p.h", probe=True).check(part)
 
 
 def test_a_run_that_is_stopped_writes_nothing(outputs, tmp_path, monkeypatch):

@@ -310,10 +310,17 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
             zero_height=program.zero_height,
             parting=report.get("parting"),
         ),
-        setup=items(setup_texts(job, stock, zero, program.zero_height)),
+        setup=items([*setup_texts(job, stock, zero, program.zero_height), *_probe_texts(report["nc"])]),
         checks=items(_checks(report)),
         left=items(_left(report, program.zero_height)),
         warnings=items([*warning_texts(report["warnings"]), IN_AIR, *speeds]),
+    )
+
+
+def _probe_texts(nc: Mapping[str, Any]) -> list[str]:
+    """That a probing program writes the datum, if there is one."""
+    return (
+        [f"datum: run {nc['probe']} once with the touch probe, it stops where the bar leans"] if "probe" in nc else []
     )
 
 

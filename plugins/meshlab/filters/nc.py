@@ -49,7 +49,9 @@ FILTERS = (
         CATEGORY,
         (
             FilterParameter("file", Kind.SAVE_FILE, "program.h", "File", "The NC program to write."),
-            *parameters_of(NcJob(), without=("machine", "part_zero")),
+            *parameters_of(
+                NcJob(), without=("machine", "part_zero", "probe", "probe_tool", "probe_radius", "probe_length")
+            ),
         ),
         save_program,
         after=("generate_stock", "compute_tspline_surface", "generate_morph_levels", "generate_toolpath"),

@@ -155,6 +155,11 @@ def test_no_part_and_no_kept_folder_are_one_line(tmp_path):
         bonecam.post(apt(tmp_path), tmp_path, JOB)
 
 
+def test_a_probing_program_is_refused(part, tmp_path):
+    with pytest.raises(JobError, match=r"\[nc\] probe = True: paths that are posted again know no bar: leave it out"):
+        bonecam.post(apt(tmp_path), part, JOB.with_values(nc={"probe": True}))
+
+
 def test_the_job_of_the_kept_folder_is_taken_and_told(tmp_path, monkeypatch, capsys):
     keep = tmp_path / "look"
     keep.mkdir()
