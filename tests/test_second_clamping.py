@@ -21,7 +21,7 @@ from bonecam.mesh.solids import solid_difference
 from bonecam.nc import machine_limits, read_dialect, read_program, write_program
 from bonecam.nc.program import program_number
 from bonecam.planning import Scene
-from bonecam.planning.levels import parting_paths
+from bonecam.planning.parting import parting_paths
 from bonecam.planning.stump import check_second, cut_groove
 from bonecam.report.typed import SecondFigures
 from bonecam.second_clamping import second_program
