@@ -42,7 +42,7 @@ from bonecam.nc.requirements import check_length, check_room
 from bonecam.planning.blank import check_blank, settled_neck
 from bonecam.planning.chosen_cutters import leaves_cutters_open, with_chosen_cutters
 from bonecam.planning.estimate import estimate
-from bonecam.planning.levels import check_parting, plan_paths
+from bonecam.planning.levels import plan_paths
 from bonecam.planning.neck import (
     depths_report,
     find_standing,
@@ -51,6 +51,7 @@ from bonecam.planning.neck import (
     neck_report,
     with_found_depths,
 )
+from bonecam.planning.parting import check_parting
 from bonecam.planning.post_length import blocked_share, check_reached, post_advice
 from bonecam.planning.stump import check_second
 from bonecam.plugins import added, run_added
@@ -119,10 +120,10 @@ def stand_part(
             placed = place(filled, job, body)
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)
-        stated = job.holding.diameter > 0
+        stated = job.holding
         setup, job, necks = find_standing(placed, job, limits)
         remedies = neck_remedies(setup, job, limits, necks[0]) if necks else ()
-        figures = neck_report(necks, remedies, job, stated=stated)
+        figures = neck_report(necks, remedies, job, stated=stated.diameter > 0)
         for warned in warnings.holding_warnings(figures, job):
             report(progress, 1.0, f"{warned.text}: {warned.remedy}")
             with knowing({"input": input_report(filled), "post": figures}):
@@ -133,7 +134,7 @@ def stand_part(
         if machine is not None:
             if not seeks_post and job.path.strategy == "morph":
                 check_reached(setup, job, limits)
-            check_parting(setup, job, limits)
+            check_parting(setup, job, limits, stated)
             check_blank(setup, job)
             check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)

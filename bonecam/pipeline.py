@@ -16,7 +16,7 @@ from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.parts import is_split
-from bonecam.nc.requirements import check_reach, check_table, check_tools, machine_and_dialect
+from bonecam.nc.requirements import check_reach, check_table, check_tools, job_dialect, machine_and_dialect, second_job
 from bonecam.plugins import added_figures, check_added
 from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
@@ -136,6 +136,8 @@ def check_job(job: Job, machine: Machine, dialect: Dialect) -> None:
     check_table(job, machine)
     check_depths(job)
     check_posting(job, machine, dialect)
+    if job.holding.second:
+        second_job(job)
     warnings.check_warnings(warnings.spindle_warnings(job, machine), job)
 
 
@@ -184,7 +186,8 @@ def _program_of(morphed: Morphed, posting: Posting, progress: Progress, simulati
     if job.holding.second:
         share = part(progress, 0.9, 1.0)
         with times.stage("second"), knowing(result.report, part="second"):
-            second = second_program(result, posting.machine, posting.dialect, posting.file, share, mechanics=mechanics)
+            dialect = job_dialect(second_job(job).nc)
+            second = second_program(result, posting.machine, dialect, posting.file, share, mechanics=mechanics)
             result = replace(result, second=second, report={**result.report, "second": second.report})
     added = added_figures(result)
     return replace(result, report={**result.report, "added": added}) if added else result

@@ -27,6 +27,7 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.header import record_simulation, second_setup_texts
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name, second_program_file
+from bonecam.nc.requirements import second_job
 from bonecam.planning.contacts import at_post
 from bonecam.planning.scene import PART_CHORD
 from bonecam.planning.stump import StumpPlaces, cut_groove, second_paths
@@ -56,12 +57,12 @@ def second_program(
     mechanics: bool = True,
 ) -> SecondProgram:
     """The program that cuts the stump off a part that `first` parted, and whose job has a second clamping; `program` is
-    the file of the first one. Without `mechanics` force and bending are not asked.
+    the file of the first one, `dialect` has the work offset of `second_job`. Without `mechanics` force and bending are
+    not asked.
 
     OrientationError, MachineError or VerifyError where there is no such program, or it is not proved.
     """
-    # a number of the program that the job gives is that of the first one: another is drawn from its name
-    job = replace(first.job, holding=first.job.holding.turned_over, nc=replace(first.job.nc, program_number=0))
+    job = second_job(first.job)
 
     # The part that `first` parted, turned over in its shell
     shell, groove = read_shell(first.job, first.part), cut_groove(first.paths)

@@ -13,13 +13,15 @@ from bonecam.files import check_files, write_whole
 from bonecam.job import Job
 from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.parts import joined
 from bonecam.nc.reading import read_program
-from bonecam.nc.requirements import machine_and_dialect
+from bonecam.nc.requirements import job_dialect, machine_and_dialect, second_job
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import (
     REMEDY,
     SAME_STOCK,
     SECOND_VIEW,
+    ZERO,
     check_page_name,
     kept_contents,
     kept_given,
@@ -92,17 +94,20 @@ def simulate(
     if html is not None:
         check_files([html], [program])
         check_page_name(html)
+    is_second = bool(SECOND.search(header_of(joined(Path(program), dialect).text)))
+    if is_second:
+        dialect = job_dialect(second_job(job).nc)
     text = program_text(Path(program), machine, dialect, job)
     keep = Path(keep)
     job = with_kept_holding(job, keep)
     given = kept_given(keep, job)
     run: Contents | None
-    if SECOND.search(header_of(text)):
+    if is_second:
         run = _kept_second(text, Path(program), keep)
         removal = _simulate_second(
             text, run, keep=keep, job=job, given=given, cell=cell, progress=progress, mechanics=mechanics
         )
-        job = replace(job, holding=job.holding.turned_over)
+        job = second_job(job)
     else:
         run = kept_contents(keep)[1] if html is not None else None
         removal, post = _simulate_first(text, Path(program), keep, job, run, cell, progress, mechanics=mechanics)
@@ -207,8 +212,8 @@ def _simulate_second(
     pose = turn_over(turned["zero_mm"])
     material = before.remaining.above(turned["cut_off_mm"]).move(pose)
     shell = TriangleMesh(run.arrays["solid"], run.arrays["solid_faces"].astype(np.int32))
-    job = replace(job, holding=job.holding.turned_over)
-    cut = text, machine, dialect, job, material, level_meshes(run)[0], shell, part(progress, 0.8, 1.0)
+    job = second_job(job)
+    cut = text, machine, job_dialect(job.nc), job, material, level_meshes(run)[0], shell, part(progress, 0.8, 1.0)
     removal = simulate_stump(*cut, mechanics=mechanics)
     return _judged(removal, text, given.move(pose), None, job)
 
@@ -220,8 +225,9 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
         what = f"the program is of a second clamping, of which {keep} has no {SECOND_VIEW}"
         raise FileError(f"{program}: {what}: {REMEDY}", file=str(keep / SECOND_VIEW))
     run = kept_contents(keep, SECOND_VIEW)[1]
-    reported = STUMP.search(header_of(text))
-    top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"]
+    header = header_of(text)
+    reported, zero = STUMP.search(header), ZERO.search(header)
+    top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"] - (float(zero[1]) if zero else 0.0)
     if reported is not None and abs(float(reported[1]) - top) > SAME_STOCK:
         what = f"its stump reaches up to z {float(reported[1]):.2f} mm, that of {keep} up to {top:.2f}"
         raise ProgramError(f"{program}: {what}: {REMEDY}", line=0)

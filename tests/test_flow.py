@@ -26,7 +26,7 @@ ROOMS = {
     "mechanics": "beam edges loads result".split(),
     "planning": [
         *"motion_time spacing patterns contacts layers scene collision axes link_space links".split(),
-        *"oriented_path estimate stump blank post_length neck chosen_cutters rest_machining levels".split(),
+        *"oriented_path estimate stump blank post_length parting neck chosen_cutters rest_machining levels".split(),
         "surface_paths",
     ],
     "batch": "run cluster".split(),

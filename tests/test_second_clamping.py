@@ -20,8 +20,9 @@ from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import solid_difference
 from bonecam.nc import machine_limits, read_dialect, read_program, write_program
 from bonecam.nc.program import program_number
+from bonecam.nc.requirements import second_job
 from bonecam.planning import Scene
-from bonecam.planning.levels import parting_paths
+from bonecam.planning.parting import parting_paths
 from bonecam.planning.stump import check_second, cut_groove
 from bonecam.report.typed import SecondFigures
 from bonecam.second_clamping import second_program
@@ -246,6 +247,8 @@ def test_a_part_gets_both_programs(tmp_path):
     assert "at the post still keep more than 0.02 mm" in made.summary
     assert made.second is not None
     assert (tmp_path / "bone.second.h").read_text() == made.second.program.text
+    assert "Q339=1" in made.program.text
+    assert "Q339=2" in made.second.program.text
     kept = {path.name for path in (tmp_path / "keep").iterdir()}
     assert {"second.h", "second.ply", "second.png"} <= kept
 
@@ -286,6 +289,14 @@ def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(fault, err
     write_mesh(shells[fault](), file)
     with pytest.raises(error, match=message):
         check_second(part_of(LUMP), post_below(LUMP, JOB.holding), job_with(file))
+
+
+@pytest.mark.parametrize(("controller", "given", "taken"), [("heidenhain", 1, 2), ("siemens-840d", 3, 4)])
+def test_the_second_clamping_has_the_next_work_offset(controller, given, taken):
+    job = job_with(Path("a.stl")).with_values(nc={"controller": controller, "work_offset": given})
+    assert second_job(job).nc.work_offset == taken
+    with pytest.raises(JobError, match=r"work_offset = 4: .* siemens-840d has not: give 1 to 3"):
+        bonecam.convert(LUMP, job.with_values(nc={"controller": "siemens-840d", "work_offset": 4}))
 
 
 def test_a_shell_has_a_size():

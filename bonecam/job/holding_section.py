@@ -11,6 +11,10 @@ AUTO, TURNED, MILLED = "auto", "turned", "milled"
 
 LEAST_POST = 0.5
 """A post is no thinner, mm."""
+STAND_OFF = 1.0
+"""Stand-off of a parting groove where none is given and none was found yet, mm: a saw or a file gets between."""
+LEAST_STAND_OFF = 0.1
+"""Least stand-off, mm: what the ball keeps from the post."""
 LEAST_BRIDGE = 0.2
 """A bridge is no thinner, mm: two cells of the simulation, within which it is measured."""
 
@@ -123,10 +127,11 @@ class HoldingJob(JobSection):
         False, "Parting", "Turn a groove round the post below the finished part, down to a bridge that holds it."
     )
     parting_stand_off: float = millimetres(
-        1.0,
+        0.0,
         "Parting stand-off",
-        "From the part's lower end down to the groove: the height of the stump that stays there.",
-        0.1,
+        "From the part's lower end down to the groove: the height of the stump that stays there; 0: the least with "
+        "which a cutter gets all round, 1 mm or more.",
+        0.0,
         100.0,
     )
     parting_core: float = millimetres(
@@ -169,6 +174,11 @@ class HoldingJob(JobSection):
         return self.parting_core or self.diameter / 2
 
     @property
+    def stand_off(self) -> float:
+        """From the part's lower end down to a parting groove, mm."""
+        return self.parting_stand_off or STAND_OFF
+
+    @property
     def turned_over(self) -> "HoldingJob":
         """What holds the shell of the second clamping; there is no post."""
         return HoldingJob(
@@ -204,6 +214,8 @@ class HoldingJob(JobSection):
         if self.has_tailstock and self.tailstock_diameter >= self.tailstock_arm:
             bound = f"give less than the arm that holds it ({self.tailstock_arm:g} mm), or a wider arm"
             raise self.fault("tailstock_diameter", bound)
+        if 0 < self.parting_stand_off < LEAST_STAND_OFF:
+            raise self.fault("parting_stand_off", f"give {LEAST_STAND_OFF:g} mm or more, or 0 for the least that does")
         if 0 < self.parting_core < LEAST_BRIDGE:
             raise self.fault("parting_core", f"give {LEAST_BRIDGE:g} mm or more, or 0 for half of the post's diameter")
         if self.parting_core >= self.diameter > 0:

@@ -10,6 +10,7 @@ the time for the passes.
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -100,6 +101,17 @@ def job_dialect(nc: NcJob) -> Dialect:
 def machine_and_dialect(nc: NcJob) -> tuple[Machine, Dialect]:
     """The machine and the dialect of the section [nc] of a job; MachineError as in `job_dialect`."""
     return read_machine(nc.machine), job_dialect(nc)
+
+
+def second_job(job: Job) -> Job:
+    """The job of the second clamping: what holds the shell, the next work offset (the only one of a control that has no
+    other), and no number of the program, which is that of the first one. JobError where the control has no next one."""
+    dialect = read_dialect(controller_of(job.nc))
+    offset = job.nc.work_offset + (dialect.work_offsets > 1)
+    if offset > dialect.work_offsets:
+        bound = f"the second clamping takes the next one, which {dialect.name} has not: give 1 to {offset - 2}"
+        raise field_error("nc", "work_offset", job.nc.work_offset, bound)
+    return replace(job, holding=job.holding.turned_over, nc=replace(job.nc, program_number=0, work_offset=offset))
 
 
 def _refused(dialect: Dialect, what: str, remedy: str) -> MachineError:

@@ -28,9 +28,9 @@ from .layers import flat_step as flat_step
 from .layers import rough_down as rough_down
 from .layers import rough_layer as rough_layer
 from .layers import unreached as unreached
-from .levels import parting_paths as parting_paths
 from .levels import plan_paths as plan_paths
 from .neck import find_standing as find_standing
 from .oriented_path import orient as orient
+from .parting import parting_paths as parting_paths
 from .scene import Scene as Scene
 from .scene import distance_to_part as distance_to_part

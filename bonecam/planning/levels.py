@@ -5,8 +5,6 @@ removes in all, its flutes and the moves between its contacts included, is measu
 measures it: how far the nearest air was from places of the new surface (`material/dexels.py`), as near to one
 another as there, on the rays of the planner, which are farther apart.
 
-The tool paths of the parting pass (`planning/stump.py`), and whether a cutter reaches its groove at all.
-
 The tool paths of all levels of a morph in machining order: from the level next to the stock down to the
 part.
 
@@ -25,8 +23,8 @@ from numpy import ndarray
 from scipy.spatial import KDTree
 
 from bonecam.arrays import dots
-from bonecam.errors import JobError, OrientationError
-from bonecam.job import Job, PathJob, field_error
+from bonecam.errors import OrientationError
+from bonecam.job import Job, PathJob
 from bonecam.levels.measure import Level, MachinedLevel, machined_levels
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.dexels import cut_depths, uncut_rays
@@ -47,13 +45,11 @@ from bonecam.planning.contacts import (
 )
 from bonecam.planning.estimate import cutter_of, depth_limits
 from bonecam.planning.oriented_path import orient
-from bonecam.planning.post_length import parting_lift
+from bonecam.planning.parting import parting_paths
 from bonecam.planning.rest_machining import RestMachining, after_steps, held_axes, too_deep
 from bonecam.planning.scene import Scene, distance_to_part, held_level
-from bonecam.planning.stump import groove_below, groove_core, parting_contacts, parting_cutters
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import Capsule, enclosing_capsule
-from bonecam.setup.placement import Setup
 from bonecam.setup.stock import Stock
 from bonecam.setup.stocks.cylinder import Cylinder
 from bonecam.tool.cutter import Cutter
@@ -134,52 +130,6 @@ def leave_out(contacts: ContactPath, kept: Bool[ndarray, " n"]) -> ContactPath:
         uncut=np.vstack([contacts.uncut, contacts.contacts[~kept]]),
         reasons=(*contacts.reasons, *("covered",) * int((~kept).sum())),
     )
-
-
-REMEDY = "give a larger holding.parting_stand_off, a longer post or a longer overhang, or no parting"
-
-
-def check_parting(setup: Setup, job: Job, limits: MachineLimits) -> None:
-    """JobError where the parting groove of a job would come too near to what stands on the table, or no cutter
-    reaches it with the part on its post."""
-    if not job.holding.parting:
-        return
-    clamping = clamping_of(job.holding, limits.bodies.table).below
-    kept = max((column.top for column in clamping.kept_columns("cutter")), default=clamping.clearance)
-    lowest = float(setup.part.mesh.bounds[0, 2])
-    grooves = [groove_below(lowest, setup.post, job.holding, cutter) for cutter in parting_cutters(job, limits.bodies)]
-    bottom = max(groove.bottom for groove in grooves)
-    if bottom < kept:
-        bound = f"the groove ends at z {bottom:.2f}, all is kept off what is below z {kept:.2f}"
-        raise _error(job, f"{bound}: give less, or a longer post (holding.length)")
-    if not parting_lift(setup, job, limits) <= 0:
-        raise _error(job, f"no cutter reaches the groove: {REMEDY}")
-
-
-def parting_paths(scene: Scene, job: Job, limits: MachineLimits) -> list[ToolPath]:
-    """The paths of the parting groove below the finished part, the level of `scene`, whose material is what stands
-    then; none where the job wants none. OrientationError where no cutter gets all round."""
-    if not job.holding.parting:
-        return []
-    for cutter in parting_cutters(job, limits.bodies):
-        try:
-            # The paths of one cutter
-            lowest = float(scene.level.bounds[0, 2])
-            groove = groove_below(lowest, scene.post, job.holding, cutter, scene.material)
-            paths = [
-                orient(step, replace(scene, core=groove_core(step, scene.post)), limits, job.path, job.nc)
-                for step in parting_contacts(groove, cutter, job)
-            ]
-        except OrientationError:
-            continue
-        if not any(len(path.uncut) for path in paths):
-            return paths
-    raise OrientationError(f"parting: no cutter reaches the groove all round: {REMEDY}")
-
-
-def _error(job: Job, what: str) -> JobError:
-    """The error of a groove that cannot be."""
-    return field_error("holding", "parting_stand_off", job.holding.parting_stand_off, what)
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,6 +316,8 @@ def _take_rest(
         except OrientationError:
             # none of these places can be reached: the level's own path leaves them out too, and tells so
             continue
+        if not (path.kinds == MoveKind.CUT).any():
+            continue  # all of it would be too deep, which the next step takes in part
         paths.append(replace(path, uncut=np.zeros((0, 3)), reasons=()))
     return material, paths
 

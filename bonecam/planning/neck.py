@@ -73,12 +73,12 @@ from bonecam.planning.contacts import at_post
 from bonecam.planning.estimate import LayersToCut
 from bonecam.planning.post_length import (
     STOCK_CHORD,
-    find_post_length,
     least_neck,
     level_lifts,
-    parting_lift,
     sampled_lifts,
     shortest_post,
+    stand_on_post,
+    with_groove,
 )
 from bonecam.setup.placement import Setup
 from bonecam.tool.cutter import Cutter
@@ -366,8 +366,7 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
         for neck in [one for one in tried if one.holds] or tried[:1]:
             holding = replace(job.holding, diameter=neck.diameter)
             on_neck = replace(setup, post=post_below(setup.part.mesh, holding)), replace(job, holding=holding)
-            if not holding.length:
-                on_neck = find_post_length(*on_neck, limits)
+            on_neck = stand_on_post(*on_neck, limits)
             stood.append((*on_neck, _neck(*on_neck, limits, layers)))
             if stood[-1][-1].holds:
                 break
@@ -377,8 +376,7 @@ def find_standing(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup,
         setup, job, taken = stood[0]
         necks = (taken, *others[: SHOWN - 1])
     else:
-        if not job.holding.length:
-            setup, job = find_post_length(setup, job, limits)
+        setup, job = stand_on_post(setup, job, limits)
         if read_material(job.material.name).stiffness is not None:
             necks = (neck_figures(setup, job, limits, layers),)
     vertices = setup.stock.mesh(STOCK_CHORD).vertices
@@ -455,12 +453,8 @@ def _neck(setup: Setup, job: Job, limits: MachineLimits, layers: LayersToCut) ->
     height = float(setup.stock.bounds[0, 2])
     top = job.holding.length
     if not top:
-        lifts = np.r_[
-            sampled_lifts(setup, job, limits, FEWER_CONTACTS),
-            level_lifts(setup, job, limits.bodies),
-            parting_lift(setup, job, limits),
-        ]
-        top = shortest_post(lifts, height, clamping_of(job.holding, limits.bodies.table), least_neck(job))
+        lifts = np.r_[sampled_lifts(setup, job, limits, FEWER_CONTACTS), level_lifts(setup, job, limits.bodies)]
+        job, top = with_groove(setup, job, limits, lifts)
     standing = replace(job, holding=replace(job.holding, length=top))
     return neck_figures(setup.lift(top - height), standing, limits, layers)
 

@@ -31,7 +31,7 @@ from scipy.sparse.csgraph import connected_components
 from bonecam.arrays import unit
 from bonecam.errors import OrientationError
 from bonecam.job import HoldingJob, Job, field_error
-from bonecam.job.holding_section import MILLED, NO_TAILSTOCK
+from bonecam.job.holding_section import MILLED, NO_TAILSTOCK, STAND_OFF
 from bonecam.kernels.distances import highest_over
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
@@ -104,6 +104,8 @@ LONGEST = 500.0
 """Longest post of a job, mm."""
 ROUND = 24
 """Contacts round the parting groove that are sampled."""
+STAND_OFFS = (STAND_OFF, 1.5, 2.0, 3.0, 4.0, 6.0)
+"""Stand-offs of the parting groove that are tried where the job leaves it open, mm."""
 LEVEL_TURNS = 24
 """Level directions that a level tool is tried in."""
 GOUGE = 0.02
@@ -123,13 +125,17 @@ class SampledContacts:
 def find_post_length(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job]:
     """Setup and job with the shortest post, in whole mm, with which all sampled contacts are reached; `limits` are
     the machine's."""
-    clamping = clamping_of(job.holding, limits.bodies.table)
-    lifts = np.r_[
-        sampled_lifts(setup, job, limits), level_lifts(setup, job, limits.bodies), parting_lift(setup, job, limits)
-    ]
     height = float(setup.stock.bounds[0, 2])
-    length = shortest_post(lifts, height, clamping, least_neck(job))
+    lifts = np.r_[sampled_lifts(setup, job, limits), level_lifts(setup, job, limits.bodies)]
+    job, length = with_groove(setup, job, limits, lifts)
     return setup.lift(length - height), replace(job, holding=replace(job.holding, length=length))
+
+
+def stand_on_post(setup: Setup, job: Job, limits: MachineLimits) -> tuple[Setup, Job]:
+    """Setup and job with the length of the post and the stand-off of the parting groove that the job leaves open."""
+    if not job.holding.length:
+        return find_post_length(setup, job, limits)
+    return setup, with_stand_off(setup, job, limits)[0]
 
 
 def check_reached(setup: Setup, job: Job, limits: MachineLimits) -> None:
@@ -166,6 +172,30 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
         sampled = SampledContacts(CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some])
         lifts.append(least_lifts(sampled, clamping, job, limits).max())
     return float(min(lifts))
+
+
+def with_stand_off(setup: Setup, job: Job, limits: MachineLimits, spare: float = 0.0) -> tuple[Job, float]:
+    """The job with the stand-off of its parting groove, and the `parting_lift` with it. Where the job leaves it open it
+    is the least of STAND_OFFS for which the part has to be lifted by `spare` mm at most, or else by the least."""
+    if not job.holding.parting or job.holding.parting_stand_off:
+        return job, parting_lift(setup, job, limits)
+    tried: list[tuple[Job, float]] = []
+    for stand_off in STAND_OFFS:
+        with_it = job.with_values(holding={"parting_stand_off": stand_off})
+        tried.append((with_it, parting_lift(setup, with_it, limits)))
+        if tried[-1][1] <= spare:
+            break
+    return min(tried, key=lambda one: max(one[1], spare))
+
+
+def with_groove(setup: Setup, job: Job, limits: MachineLimits, lifts: Float[ndarray, " n"]) -> tuple[Job, float]:
+    """The job with the stand-off of its parting groove, and the length of the shortest post on which that and all
+    contacts of these `lifts` (mm) are reached."""
+    height = float(setup.stock.bounds[0, 2])
+    clamping = clamping_of(job.holding, limits.bodies.table)
+    length = shortest_post(lifts, height, clamping, least_neck(job))
+    job, lift = with_stand_off(setup, job, limits, length - height)
+    return job, shortest_post(np.r_[lifts, lift], height, clamping, least_neck(job))
 
 
 def least_neck(job: Job) -> float:

@@ -162,7 +162,7 @@ def held_axes(
     """The path and its wanted axes, each pass held in one of as few directions as reach whole passes free of collision,
     and the passes in the order in which the machine gets from one to the next soonest. Passes that none reaches keep
     their axes, and all do on a machine that has few."""
-    if limits.narrow:
+    if limits.narrow or not len(path.contacts):
         return path, wanted
     directions = directions_within(limits)
     directions = directions[limits.allow(directions)]

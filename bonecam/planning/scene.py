@@ -91,7 +91,9 @@ class Scene:
         reserve = air or 0.0
         tangent = air is None and section == "cutter"
         kept = [self._kept(solid, section, ball_radius, reserve) for solid in self.post.solids]
-        if tangent and self.core is not None:
+        if self.core is not None and section == "shank":
+            kept[0] = self.post.column.grown(reserve)
+        elif self.core is not None and tangent:
             kept[0] = self.core.column
         obstacle: Obstacle = "level" if tangent else "material"
         return Surroundings(self, obstacle, reserve, (*kept, *self.clamping.kept_columns(section, reserve)))

@@ -112,7 +112,7 @@ def groove_below(
 ) -> Groove:
     """The groove of a cutter below a part whose `lowest` point is at this height, mm; it begins outside of the post
     and of what is `standing` round it."""
-    middle = lowest - holding.parting_stand_off - cutter.radius
+    middle = lowest - holding.stand_off - cutter.radius
     vertices = np.zeros((0, 3)) if standing is None else standing.vertices
     beside = vertices[np.abs(vertices[:, 2] - middle) < cutter.radius + BESIDE]
     widest = np.hypot(beside[:, 0], beside[:, 1]).max(initial=post.radius)

@@ -77,7 +77,7 @@ def test_a_neck_that_gives_way_at_the_length_of_all_contacts_is_not_taken(found,
         more = 30.0 * (job.holding.diameter == necks[0].diameter)
         return setup.lift(more), job.with_values(holding={"length": job.holding.length + more})
 
-    monkeypatch.setattr("bonecam.planning.neck.find_post_length", longer)
+    monkeypatch.setattr("bonecam.planning.neck.stand_on_post", longer)
     _, other, tried = find_standing(setup, given, LIMITS)
     assert other.holding.diameter == tried[0].diameter > necks[0].diameter
     assert tried[0].holds

@@ -29,7 +29,7 @@ from bonecam.mesh.triangle_mesh import side_by_side
 from bonecam.nc import machine_limits
 from bonecam.planning import find_standing
 from bonecam.planning.axes.lead import LEAVING, ROOM
-from bonecam.planning.levels import check_parting
+from bonecam.planning.parting import check_parting
 from bonecam.planning.post_length import (
     SLICE,
     STEEP_TILT,

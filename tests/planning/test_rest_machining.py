@@ -280,3 +280,13 @@ def test_a_machine_that_has_few_axes_keeps_them():
     held, axes = held_axes(path, wanted, Below(), narrow, PathJob())
     assert held is path
     assert axes is wanted
+
+
+def test_a_step_all_of_whose_contacts_are_left_out_holds_no_axes():
+    """Of the half phalanx: each contact of a step would have cut too deep."""
+    path, wanted = four_passes()
+    none = np.zeros(0, dtype=np.int64)
+    nothing, no_axes = path.take(none), WantedAxes(wanted.axes[none], wanted.certified[none])
+    held, axes = held_axes(nothing, no_axes, Below(), LIMITS, PathJob())
+    assert held is nothing
+    assert axes is no_axes

@@ -18,14 +18,14 @@ from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.nc import machine_limits, read_dialect, write_program
 from bonecam.planning import Scene
 from bonecam.planning.layers import HeightField, depths_in
-from bonecam.planning.levels import check_parting, parting_paths
-from bonecam.planning.post_length import parting_lift
+from bonecam.planning.parting import check_parting, foretold_scene, parting_paths
+from bonecam.planning.post_length import parting_lift, stand_on_post, with_stand_off
 from bonecam.planning.stump import STEPS, cut_groove, off_part, stump_chart, stump_layers
 from bonecam.report import read_apt
 from bonecam.report.tables import apt_text
 from bonecam.setup import ConvexStock, Setup, schedule_of, smallest_capsule
 from bonecam.tool import Cutter
-from bonecam.tool.path import PARTING
+from bonecam.tool.path import PARTING, MoveKind
 from bonecam.verify import Accuracy, check_removal, simulate_removal, verify
 from bonecam.verify.removal import check_removal_of_job, cutters_of
 from bonecam.workholding import Post, clamping_of
@@ -180,14 +180,56 @@ def setup(lump, scene):
 def test_a_groove_beside_the_chuck_is_refused(setup):
     held = {"chuck_diameter": 20.0, "chuck_height": 25.0}
     check_parting(setup, JOB, LIMITS)
-    with pytest.raises(JobError, match=r"parting_stand_off = 1: .*z 30\.00.*holding\.length"):
+    with pytest.raises(JobError, match=r"z 28\.00, .*z 30\.00: give holding\.length = 0, .*a neck of 9 mm") as refused:
         check_parting(setup, JOB.with_values(holding=held), LIMITS)
+    assert refused.value.evidence["field"] == "parting"
+
+    # the remedy that is named does
+    lifted, found = stand_on_post(setup, JOB.with_values(holding=held | {"length": 0.0}), LIMITS)
+    assert found.holding.length == 25.0 + 9.0
+    check_parting(lifted, found, LIMITS)
 
 
 def test_a_groove_that_no_cutter_reaches_is_refused(setup):
-    steep = MachineLimits(largest=np.radians(20.0), bodies=MACHINE.bodies)
-    with pytest.raises(JobError, match="no cutter reaches the groove"):
-        check_parting(setup, JOB, steep)
+    upright = MachineLimits(largest=np.radians(5.0), bodies=MACHINE.bodies)
+    with pytest.raises(JobError, match=r"no cutter gets all round .*: neither with .*: leave out holding\.parting"):
+        check_parting(setup, JOB, upright)
+
+
+def test_the_stand_off_is_the_least_with_which_a_cutter_gets_all_round(setup):
+    """A table that tilts by 30 degrees only: over a stump of 1 mm the tool meets the part."""
+    flat = MachineLimits(largest=np.radians(30.0), bodies=MACHINE.bodies)
+    assert with_stand_off(setup, JOB, LIMITS)[0].holding.parting_stand_off == 1.0
+    job, lift = with_stand_off(setup, JOB, flat)
+    assert job.holding.parting_stand_off == 1.5
+    assert lift <= 0
+    check_parting(setup, job, flat)
+    stated = JOB.with_values(holding={"parting_stand_off": 1.0})
+    assert with_stand_off(setup, stated, flat)[0].holding.parting_stand_off == 1.0, "what a job states is kept"
+    with pytest.raises(
+        JobError, match=r"parting_stand_off = 1: no .*: give holding\.parting_stand_off = 0, with which"
+    ):
+        check_parting(setup, stated, flat)
+
+
+def test_links_keep_out_of_a_stub_wider_than_the_stock_beside_the_groove(setup):
+    """A neck of 3 mm on a bar: the ball leaves the groove within the clearance of the stub's edge."""
+    bar = {"chuck_diameter": 30.0, "chuck_height": 10.0, "stub_diameter": 14.0, "stub_length": 17.0, "length": 31.0}
+    job = JOB.with_values(holding=bar)
+    check_parting(setup, job, LIMITS)
+    scene = foretold_scene(setup, job, LIMITS)
+    paths = parting_paths(scene, job, LIMITS)
+    keeps = scene.clamping.stub
+    for path in paths:
+        rapid = path.kinds == MoveKind.RAPID
+        assert keeps.distance(path.balls[rapid]).min() >= path.cutter.radius + job.path.clearance - 0.01
+
+
+def test_no_fillet_stands_round_the_post_beside_the_groove(setup):
+    """A cutter that is relieved a ball's radius off the post reaches a groove half of the post deep."""
+    relieved = {"radius": 1.5, "flute_length": 4.5, "neck_length": 8.0, "neck_diameter": 2.9, "shank_diameter": 6.0}
+    job = JOB.with_values(holding={"diameter": 6.0}, roughing=relieved, finishing=relieved)
+    assert parting_lift(replace(setup, post=Post(3.0, 31.8)), job, LIMITS) <= 0
 
 
 def test_the_lower_the_part_stands_the_more_it_has_to_be_lifted_for_the_groove(setup):

@@ -195,7 +195,7 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run, second, browser):
         "bone.second.h",
         *report["time_texts"],
         f"stump \u2300 {second.job.holding.diameter:g}",
-        f"Z {second.clamping.top:.2f}",
+        f"Z {second.clamping.top - second.program.zero_height:.2f}",
         "chuck \u2300 14 x 2",
         f"Gouge of the part by the ball: {1000 * report['gouge_max_mm']:.2f} µm at most",
         f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most",
@@ -305,7 +305,7 @@ def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_
 ):
     folder = second_run[1]
     keep = folder / "keep"
-    top = f"UP TO Z {second.clamping.top:.2f} AT MOST"
+    top = f"UP TO Z {second.clamping.top - second.program.zero_height:.2f} AT MOST"
     assert top in second.program.text
     other = tmp_path / "empty"
     other.mkdir()
