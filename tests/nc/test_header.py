@@ -63,7 +63,8 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text):
     head = text[: text.index("TOOL CALL")]
     told = comments(head)
     for said in (
-        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM, FROM Z -15.20 TO Z 0.00",
+        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM",
+        "STOCK: FROM Z -15.20 TO Z 0.00",
         "A BAR TURNED TO A CYLINDER WITH HALF A BALL AT EITHER END",
         "POST BELOW IT: DIAMETER 4.00 MM, FROM Z -44.60 TO Z -14.89, TURNED BEFORE",
         "NOTHING OF CHUCK, COLLET OR VICE MAY STAND ABOVE Z -44.60",
@@ -185,12 +186,12 @@ def test_the_rotary_tolerance_swings_the_ball_by_no_more_than_the_tolerance(radi
 
 
 def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing():
-    job = Job().with_values(nc={"roughing_tolerance": 0.05})
-    assert contour_tolerance(HEIDENHAIN, job, finishing=False) == 0.05
+    job = Job()
+    assert contour_tolerance(HEIDENHAIN, job, finishing=False) == 0.02
     assert contour_tolerance(HEIDENHAIN, job, finishing=True) == pytest.approx(1.3 * 0.004)
     coarse = Job().with_values(path={"chord_tolerance": 0.1})
     assert contour_tolerance(HEIDENHAIN, coarse, finishing=False) == pytest.approx(0.13)
-    assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(1.432)
+    assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(0.572)
 
 
 def test_wound_words_make_the_same_moves_without_the_short_way():
