@@ -14,7 +14,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
-from scipy.spatial import Delaunay
 
 from bonecam.errors import MeshError
 from bonecam.mesh import SurfaceShape, TriangleMesh, delaunay, mls_curvature, vertex_normals
@@ -74,12 +73,6 @@ def require_delaunay(points: ndarray, faces: ndarray) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_counts_and_circles_hold(name):
     require_delaunay(CASES[name], delaunay(CASES[name]))
-
-
-def test_scattered_points_give_scipys_triangles():
-    ours = {tuple(sorted(face)) for face in delaunay(SCATTERED).tolist()}
-    theirs = {tuple(sorted(face)) for face in Delaunay(SCATTERED).simplices.tolist()}
-    assert ours == theirs
 
 
 def test_a_row_between_two_rows_loses_no_facet_on_the_straight_hull():
