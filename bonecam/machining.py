@@ -110,13 +110,13 @@ def stand_part(
         limits = machine_limits(machine or read_machine(job.nc.machine))
         job = settled_neck(job)
         seeks_post, seeks_cutters = not job.holding.length, leaves_cutters_open(job)
-        filled = unplaced if seeks_cutters else with_filled_pits(unplaced, job.mesh, job.smallest_ball)
+        filled = unplaced if seeks_cutters else with_filled_pits(unplaced, job.smallest_ball)
         placed = place(filled, job, body)
         if not job.holding.diameter:
             check_cuts(placed.part.mesh, placed.stock, job.levels)  # before cutters and necks are tried
         job, chosen = with_chosen_cutters(placed, job, limits)
         if seeks_cutters:
-            filled = with_filled_pits(unplaced, job.mesh, job.smallest_ball)
+            filled = with_filled_pits(unplaced, job.smallest_ball)
             placed = place(filled, job, body)
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)

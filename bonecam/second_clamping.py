@@ -141,7 +141,7 @@ def clamping_shell(
     check_files([output], [mesh])
     given = mesh if isinstance(mesh, str | Path) else mesh_from(mesh)
     part, _ = read_part(given, job)
-    part = with_filled_pits(part, job.mesh, job.smallest_ball)
+    part = with_filled_pits(part, job.smallest_ball)
     placed = place(part, job).part
     back = np.linalg.inv(placed.transform)
     shell = shell_round(placed.mesh, covered, wall, gap).move(back)

@@ -17,14 +17,18 @@ from bonecam.cli import main
 from bonecam.cli.batch_display import BatchDisplay
 from bonecam.cli.stopping import COMPILING, ProgressBar, ProgressLog
 from bonecam.errors import BonecamError
-from bonecam.job import Job, write_job
+from bonecam.job import Job, write_job, write_short_job
 from bonecam.machine import machine_names
 from bonecam.nc import dialect_names
 
 
-def test_job_prints_every_default(capsys):
+def test_job_prints_what_is_set_often_and_all_where_it_is_asked(capsys):
     assert main(["job"]) == 0
+    short = capsys.readouterr().out
+    assert short == write_short_job(Job())
+    assert main(["job", "--all"]) == 0
     assert capsys.readouterr().out == write_job(Job())
+    assert 50 < short.count(" = ") <= 90
 
 
 def test_options_override_the_job_file(tmp_path, capsys):
@@ -34,7 +38,7 @@ def test_options_override_the_job_file(tmp_path, capsys):
         main(["job", "--job", str(file), "--units", "m", "--set", "stock.length=50", "--set", "nc.coolant=false"]) == 0
     )
     wanted = Job().with_values(stock={"diameter": 20.0, "length": 50.0}, mesh={"units": "m"}, nc={"coolant": False})
-    assert capsys.readouterr().out == write_job(wanted)
+    assert capsys.readouterr().out == write_short_job(wanted)
 
 
 @pytest.mark.parametrize(

@@ -11,17 +11,32 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bonecam.errors import JobError, LevelError
-from bonecam.job import Job, read_job, write_job
-from bonecam.job.files.job_file import PATHS, from_anywhere, named_files
+from bonecam.job import Job, read_job, write_job, write_short_job
+from bonecam.job.files.job_file import OFTEN, PATHS, from_anywhere, named_files
 from bonecam.job.materials.preset import read_material
 from bonecam.job.parameter import record
 
 
-def test_a_written_job_reads_back_equal(tmp_path):
-    job = Job().with_values(stock={"diameter": 15.0}, nc={"coolant": False, "controller": "linuxcnc"})
+@pytest.mark.parametrize("text_of", [write_job, write_short_job])
+def test_a_written_job_reads_back_equal(tmp_path, text_of):
     file = tmp_path / "job.toml"
-    file.write_text(write_job(job), encoding="utf-8")
-    assert read_job(file) == job
+    for values in (
+        {},
+        {"stock": {"diameter": 15.0, "offset_x": 1.0}, "nc": {"coolant": False, "controller": "linuxcnc"}},
+        {"finishing": {"radius": 1.5, "neck_diameter": 1.9, "neck_length": 11.0}, "roughing": {"feed": 500.0}},
+        {"roughing": {"preset": "ball-4", "number": 7}, "fine": {"scallop": 0.05}, "levels": {"finishing_levels": 4}},
+    ):
+        job = Job().with_values(**values)
+        file.write_text(text_of(job), encoding="utf-8")
+        assert read_job(file) == job
+
+
+def test_a_short_job_has_what_is_set_often_and_what_was_set():
+    job = Job().with_values(stock={"offset_x": 1.0})
+    added = set(write_short_job(job).splitlines()) - set(write_short_job(Job()).splitlines())
+    assert [line.partition(" #")[0].strip() for line in added] == ["offset_x = 1.0"]
+    for name, often in OFTEN.items():
+        assert set(often.split()) <= vars(getattr(job, name)).keys()
 
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"))

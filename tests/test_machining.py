@@ -95,8 +95,6 @@ def test_a_force_that_is_not_asked_gives_no_feeds():
     check_force_asked(Job(), asked=False)
     with pytest.raises(JobError, match="has one feed: leave it out"):
         check_one_feed(JOB, "a surface that is finished alone has one feed")
-    with pytest.raises(JobError, match="feed_at = 'contact'"):
-        Job(path={"feed": "force", "feed_at": "contact"})
 
 
 PHALANX = Path(__file__).parents[1] / "meshes/phalanx.ply"

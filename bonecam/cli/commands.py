@@ -33,7 +33,7 @@ from bonecam.cli.command import (
 )
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
-from bonecam.job import write_job
+from bonecam.job import write_job, write_short_job
 from bonecam.plugins import all_added
 
 
@@ -145,7 +145,8 @@ def run_job(options: argparse.Namespace) -> int:
 
         print(json.dumps(job_schema(), indent=2))
     else:
-        print(write_job(job_of(options)), end="")
+        job = job_of(options)
+        print(write_job(job) if options.all else write_short_job(job), end="")
     return 0
 
 
@@ -378,10 +379,15 @@ COMMANDS: dict[str, Command] = {
     ),
     "job": Command(
         run_job,
-        "Print a job file: every parameter with its value and meaning.",
-        [argument("--schema", action="store_true", help="print the JSON schema of job files, for editors"), *JOB],
+        "Print a job file: the parameters that are set often or not at their default, with value and meaning.",
+        [
+            argument("--all", action="store_true", help="print every parameter, those that are set seldom too"),
+            argument("--schema", action="store_true", help="print the JSON schema of job files, for editors"),
+            *JOB,
+        ],
         examples="""
   bonecam job --set levels.roughing_depth=1 > job.toml
+  bonecam job --all
   bonecam job --schema > job.schema.json""",
     ),
     **{

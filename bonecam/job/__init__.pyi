@@ -1,5 +1,6 @@
 from .files.job_file import read_job as read_job
 from .files.job_file import write_job as write_job
+from .files.job_file import write_short_job as write_short_job
 from .holding_section import HoldingJob as HoldingJob
 from .levels_section import LevelsJob as LevelsJob
 from .materials.preset import MechanicsJob as MechanicsJob

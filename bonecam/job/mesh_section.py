@@ -40,20 +40,6 @@ class MeshJob(JobSection):
     upright: bool = parameter(
         True, "Upright", "Turn the part's longest principal axis to +Z and centre the part on the Z axis."
     )
-    pits: str = parameter(
-        "fill",
-        "Pits",
-        "fill: hollows that the smallest ball of the job cannot reach are filled up to that ball, before the fit. "
-        "keep: the surface follows them.",
-        choices=("fill", "keep"),
-    )
-    pit_radius: float = millimetres(
-        0.0,
-        "Pit radius",
-        "Radius of the ball that pits are filled up to; 0, or more than the smallest ball of the job: that one's.",
-        0.0,
-        50.0,
-    )
     facets: str = parameter(
         "found",
         "Facets",
@@ -70,16 +56,7 @@ class MeshJob(JobSection):
         0.001,
         50.0,
     )
-    edge_percent: float = parameter(
-        1.3,
-        "Remesh edge",
-        "Edge length of the isotropic remeshing, in percent of the bounding box's diagonal.",
-        0.2,
-        10.0,
-        unit="%",
-    )
     rows: int = parameter(48, "Rows", "Number of harmonic rows between the poles.", 6, 200)
-    row_points: int = parameter(100, "Points a row", "Number of points on each row.", 16, 1000)
 
     @property
     def changes(self) -> tuple[str, ...]:

@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import JobSection, millimetres, parameter
+from bonecam.job.parameter import JobSection, parameter
 from bonecam.job.tool_list import ENDINGS
 
 FARTHEST = 1e5
 """No park position is farther from the machine's zero, mm."""
+LINK_FEED = 10000.0
+"""Feed (mm/min) of links between passes and of retracts, straight moves in air: that of rapid moves where a control
+needs a number for them."""
 HOME = "home"
 """The park position that is the reference point of X and Y."""
 
@@ -43,14 +46,6 @@ class NcJob(JobSection):
         "(.fctl, .fctb), LinuxCNC (.tbl), a table (.csv) or a .toml file; empty: the catalogue.",
         file=ENDINGS,
     )
-    link_feed: float = parameter(
-        10000.0,
-        "Link feed",
-        "Feed of links between passes, and of retracts: straight moves in air, beside the material.",
-        1.0,
-        30000.0,
-        unit="mm/min",
-    )
     plunge_feed: float = parameter(
         300.0, "Plunge feed", "Feed of the approach to the part.", 1.0, 30000.0, unit="mm/min"
     )
@@ -61,13 +56,6 @@ class NcJob(JobSection):
         1.0,
         100000.0,
         unit="mm/min",
-    )
-    roughing_tolerance: float = millimetres(
-        0.02,
-        "Roughing tolerance",
-        "How far the control may leave the path while roughing; finishing follows path.chord_tolerance.",
-        0.001,
-        0.2,
     )
     axes: str = parameter(
         "controller",

@@ -43,7 +43,6 @@ class PathJob(JobSection):
         0.0005,
         0.5,
     )
-    max_step: float = millimetres(1.0, "Largest step", "Longest cutting move.", 0.05, 10.0)
     most_length: float = parameter(
         500.0,
         "Most length",
@@ -84,17 +83,6 @@ class PathJob(JobSection):
         "another orientation fixes them: contacts at which those collide stay uncut.",
         choices=("cones", "lead", *added_names("orientations")),
     )
-    membrane: float = parameter(
-        0.0,
-        "Membrane",
-        "Weight (alpha) of how much tool axes turn over the facets between the contacts, along passes and across, "
-        "beside the energy of smooth axes; 1 where axes are as published and thin_plate is 0 too.",
-        0.0,
-        1.0,
-    )
-    thin_plate: float = parameter(
-        0.0, "Thin plate", "Weight (beta) of how much that turning changes over the facets.", 0.0, 1.0
-    )
     certify: str = parameter(
         "automatic",
         "Certificate",
@@ -110,27 +98,6 @@ class PathJob(JobSection):
         0.0,
         60.0,
         unit="deg",
-    )
-    lead_in: str = parameter(
-        "arc",
-        "Lead-in",
-        "Cuts begin and end on arcs tangential to them where there is room; or straight, at the plunge feed where that "
-        "is in material.",
-        choices=("arc", "straight"),
-    )
-    lead_radius: float = millimetres(
-        0.0,
-        "Lead radius",
-        "Radius of the arcs at most; a half and a quarter of it are tried too. 0: half of that of the cutter.",
-        0.0,
-        20.0,
-    )
-    feed_at: str = parameter(
-        "tip",
-        "Feed at",
-        "The point that moves at the cutter's feed along a pass: the tip of the tool, as controls take it, or the "
-        "contact with the part; feed words are then up to twice or half the cutter's.",
-        choices=("tip", "contact"),
     )
     feed: str = parameter(
         "constant",
@@ -156,9 +123,6 @@ class PathJob(JobSection):
             if self.strategy != "morph" and item.name in OF_MORPH and value != item.default:
                 bound = f"strategy = {self.strategy!r} has passes and axes of its own: leave it out, or take 'morph'"
                 raise JobError(f"{item.name} = {shown(value)}: {bound}", field=item.name)
-        if self.feed == "force" and self.feed_at != "tip":
-            bound = "feed = 'force' sets the feed of the tip by itself: leave it out, or take feed = 'constant'"
-            raise self.fault("feed_at", bound)
         if self.certify == "fcl" and self.orientation != "cones":
             bound = f"orientation = {self.orientation!r} makes no cones to certify: leave it out, or take 'cones'"
             raise self.fault("certify", bound)

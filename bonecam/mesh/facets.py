@@ -32,17 +32,6 @@ Areas of the Voronoi cells of a mesh's vertices on its faces (Xu et al. 2013, Eq
 In a face without an obtuse angle a corner's cell goes as far as the circumcentre: the corner has an eighth of
 l^2 cot(a) for each of its two sides, l long and opposite the angle a. Where an angle is obtuse the circumcentre lies
 outside: its corner has half of the face, the others a quarter each.
-
-Elastic energy of values at the vertices of a mesh (Xu et al. 2013, Eq. 22):
-
-    E = alpha / 2 int |grad r|^2 + beta / 2 int (laplacian r)^2
-
-With linear values on the faces the membrane is r L r / 2, L the cotangent Laplacian (Pinkall & Polthier 1993). The
-thin plate is |A^-1/2 L r|^2 / 2 over the vertices inside, A the areas of their Voronoi cells. Differs from the paper
-in:
-
-1. Integrals are over the surface, not over its parameters, which stretch it.
-2. The printed r_uu^2 + 2 r_uv^2 + r_vv^2 and (r_uu + r_vv)^2 have integrals that differ on the boundary alone.
 """
 
 from dataclasses import dataclass
@@ -52,7 +41,7 @@ from itertools import permutations
 import numpy as np
 from jaxtyping import Float, Int, Int32
 from numpy import ndarray
-from scipy.sparse import coo_array, csr_array, diags_array, eye_array
+from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.spatial import KDTree
 
 from bonecam.arrays import dots, perpendicular, unit
@@ -405,32 +394,6 @@ def voronoi_areas(mesh: TriangleMesh) -> Float[ndarray, " n"]:
     halves = whole[:, None] / np.where(obtuse, 4, 8)
     shares = np.where(obtuse.any(axis=1, keepdims=True), halves, acute)
     return np.bincount(mesh.faces.ravel(), shares.ravel(), len(mesh.vertices))
-
-
-@dataclass(frozen=True, eq=False)
-class ElasticEnergy:
-    """The energy on a mesh: `stiffness` is L (v, v), `plate` A^-1/2 L (v, v), its rows zero on the boundary."""
-
-    stiffness: csr_array
-    plate: csr_array
-
-    @classmethod
-    def of(cls, mesh: TriangleMesh) -> "ElasticEnergy":
-        """The energy on the faces of a mesh, open or closed."""
-        weights = cotangent_weights(mesh)
-        stiffness = diags_array(weights.sum(axis=1)) - weights
-        # Which vertices have faces all round
-        sides = np.vstack([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
-        ordered, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-        inside = np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) > 0
-        inside[ordered[count == 1].ravel()] = False
-        areas = np.where(inside, voronoi_areas(mesh), 1.0)
-        plate = diags_array(inside / np.sqrt(areas)) @ stiffness
-        return cls(stiffness.tocsr(), plate.tocsr())
-
-    def matrix(self, alpha: float, beta: float) -> csr_array:
-        """The symmetric H (v, v) with E = r H r / 2."""
-        return (alpha * self.stiffness + beta * (self.plate.T @ self.plate)).tocsr()
 
 
 def cotangent_weights(mesh: TriangleMesh) -> csr_array:

@@ -150,7 +150,7 @@ def prepare_part(
     surface: SurfaceJob | None = None,
 ) -> Part:
     """The part of `repaired_part`, its pits filled up to the ball of a radius (mm), as `with_filled_pits` does."""
-    return with_filled_pits(repaired_part(source, job, progress, surface=surface), job, ball)
+    return with_filled_pits(repaired_part(source, job, progress, surface=surface), ball)
 
 
 def repaired_part(
@@ -209,12 +209,10 @@ def repaired_part(
     return replace(part, taken_off=measure_taken_off(without(scaled, part.left_out, smooth), repaired))
 
 
-def with_filled_pits(part: Part, job: MeshJob, ball: float) -> Part:
-    """The part with its pits filled where the job says so. `ball` is the radius (mm) of the smallest ball that will cut
-    it (`Job.smallest_ball`): they are filled up to no larger one."""
-    if job.pits != "fill":
-        return part
-    fill = fill_pits(part.mesh, min(job.pit_radius or ball, ball))
+def with_filled_pits(part: Part, ball: float) -> Part:
+    """The part with the hollows that a ball of a radius (mm) cannot reach filled up to it: the smallest one that will
+    cut it (`Job.smallest_ball`)."""
+    fill = fill_pits(part.mesh, ball)
     x, y, z, _ = np.linalg.solve(part.transform, [*fill.place, 1.0])
     fill = replace(fill, place=(float(x), float(y), float(z)))  # told in the frame of the mesh as given
     filled = replace(part, mesh=fill.mesh, fill=fill, repairs=part.repairs + fill.repairs)

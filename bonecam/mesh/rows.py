@@ -166,7 +166,9 @@ POLE_SPACING = 0.5
 most."""
 STRIPS = 400
 """Isolines that measure the distance from pole to pole."""
-EDGE = 0.013
+ROW_POINTS = 100
+"""Points on each row."""
+EDGE = 1.3 / 100
 """Target edge of the even remesh, share of the diagonal."""
 GUIDES = 8
 """Loops a row that lead the seam and the vertex parameters from row to row."""
@@ -204,7 +206,7 @@ class Rows:
 
 
 def harmonic_rows(
-    mesh: TriangleMesh, rows: int = 24, points: int = 100, edge: float | None = None, progress: Progress = silent
+    mesh: TriangleMesh, rows: int = 24, points: int = ROW_POINTS, edge: float | None = None, progress: Progress = silent
 ) -> Rows:
     """Rows of points on a closed genus-0 mesh that stands upright (see `pose.upright`).
 
@@ -317,7 +319,7 @@ OTHER_FRAMES = (
 
 
 def row_choices(
-    mesh: TriangleMesh, rows: int, points: int, edge: float | None = None, progress: Progress = silent
+    mesh: TriangleMesh, rows: int, points: int = ROW_POINTS, edge: float | None = None, progress: Progress = silent
 ) -> Iterator[Rows]:
     """The sets of rows, with the arguments of `harmonic_rows`; each is made when it is asked for, all but the first
     together. MeshError where an isoline is not one loop."""

@@ -22,10 +22,6 @@ first row of a pass, entered at the plunge feed, is left out of it.
 In inverse time each block has its own time. Beside the pole, where the axes turn round while the tip hardly moves, the
 feed of a row is lowered to SLOW of the cutter's at most, and blocks on which the axes allow less last as long as their
 turn: a feed for such a block, taken over by its neighbours, would let the tool dwell for minutes.
-
-A control moves the programmed point, the tip of the tool, at the feed of the block. Where the tool turns, or the ball
-rolls over a bulge, the contact is slower than the tip. `path.feed_at = "contact"` raises or lowers the feed of each row
-so that the contact keeps the cutter's feed: F = feed x way of the tip / way of the contact.
 """
 
 import math
@@ -81,7 +77,7 @@ TIMED_STEP = 0.001
 LEAST_SHARE = 0.002
 """A block is told to be below half of the cutter's feed where it is by this share of the feed: words are rounded."""
 LARGEST_RATIO = 2.0
-"""Largest ratio of the feeds of successive rows of a pass, and of a row's feed to the cutter's."""
+"""Largest ratio of the feeds of successive rows of a pass, and of a feed by the force to the cutter's."""
 
 
 def drivable_paths(paths: Sequence[ToolPath], machine: Machine, dialect: Dialect, job: Job) -> tuple[ToolPath, ...]:
@@ -95,17 +91,17 @@ def drivable_paths(paths: Sequence[ToolPath], machine: Machine, dialect: Dialect
         posted = post_path(path, machine, dialect=dialect, job=job, around=around, before=before)
         before = posted.moves.angles[-1]
         kept = moved_rows(posted)
-        feeds = _drivable_feeds(posted, kept, job.path.feed_at)
+        feeds = _drivable_feeds(posted, kept)
         lowered.append(replace(with_rows(path, kept), feed_rates=feeds))
     return tuple(lowered)
 
 
-def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"], feed_at: str) -> Float[ndarray, "m"]:
+def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"]) -> Float[ndarray, "m"]:
     """The feed of each row of a path that is `kept`, mm/min, on the scale of the path, or in inverse time in whole
     TIMED_STEPs."""
     path = posted.path
     number = posted.dialect.numbers.feed
-    asked = path.feed_rates * _feed_ratios(posted, feed_at)
+    asked = path.feed_rates
     limit = np.full(len(path.tips), np.inf)
     moving = posted.lengths > posted.dialect.numbers.length.step
     moving[[first for first, _ in posted.runs]] = False
@@ -145,29 +141,13 @@ def _drivable_feeds(posted: Posted, kept: Bool[ndarray, "n"], feed_at: str) -> F
 
 
 def fastest_cut(cutter: Cutter, job: Job) -> float:
-    """The largest feed (mm/min) that a cut of a cutter may have by the job: the cutter's; LARGEST_RATIO of it where the
-    contact keeps that; where feeds go by the force, as long as a tooth takes no larger chip than the material's cutting
-    data ever give it, and leaves no feed marks over the scallop, at most LARGEST_RATIO of it too."""
-    if job.path.feed_at == "contact":
-        return LARGEST_RATIO * cutter.feed
+    """The largest feed (mm/min) that a cut of a cutter may have by the job: the cutter's; where feeds go by the force,
+    as long as a tooth takes no larger chip than the material's cutting data ever give it, and leaves no feed marks over
+    the scallop, at most LARGEST_RATIO of it too."""
     if job.path.feed == "constant":
         return cutter.feed
     chip = min(2 * MOST_FEED * cutter.radius, math.sqrt(8 * cutter.radius * cutter.scallop))
     return max(min(chip * cutter.flutes * cutter.spindle, LARGEST_RATIO * cutter.feed), cutter.feed)
-
-
-def _feed_ratios(posted: Posted, feed_at: str) -> Float[ndarray, "n"]:
-    """How many times the cutter's feed each row of a path takes before any axis limits it, so that the point `feed_at`
-    (`tip` or `contact`) keeps the cutter's feed: 1, or within a factor of `LARGEST_RATIO` of it."""
-    path = posted.path
-    ratios = np.ones(len(path.tips))
-    if feed_at == "contact":
-        tip_ways = np.bincount(posted.moves.rows, posted.lengths, len(path.tips))
-        contact_ways = np.linalg.norm(np.diff(path.contacts, axis=0, prepend=path.contacts[:1]), axis=1)
-        follows = _follows(path)
-        ratio = tip_ways[follows] / np.maximum(contact_ways[follows], posted.dialect.numbers.length.step)
-        ratios[follows] = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
-    return ratios
 
 
 def _follows(path: ToolPath) -> Bool[ndarray, "n"]:
@@ -177,8 +157,8 @@ def _follows(path: ToolPath) -> Bool[ndarray, "n"]:
     return goes_on & np.r_[False, goes_on[:-1]]
 
 
-def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
-    """The figures of the cutting blocks of posted paths; `feed_at` is the point that keeps the feed."""
+def feed_figures(posted: Sequence[Posted]) -> FeedFigures:
+    """The figures of the cutting blocks of posted paths."""
     asked = []
     own = []
     driven = []
@@ -187,7 +167,7 @@ def feed_figures(posted: Sequence[Posted], feed_at: str) -> FeedFigures:
         cuts = (one.moves.kinds == MoveKind.CUT) & (one.lengths > one.dialect.numbers.length.step)
         cuts[[first for first, _ in one.runs]] = False
         length, axes = one.lengths[cuts], one.axis_minutes[cuts]
-        asked.append(axes * one.path.cutter.feed * _feed_ratios(one, feed_at)[one.moves.rows[cuts]] / length)
+        asked.append(axes * one.path.cutter.feed / length)
         # a block that is timed by its turn asks for what its axes can
         own.append(np.where(one.by_turn[cuts], 1.0, axes * one.moves.feed_rates[cuts] / length))
         driven.append(length / one.minutes[cuts])

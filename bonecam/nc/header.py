@@ -632,7 +632,7 @@ def tool_texts(job: Job, posted: Sequence[Posted], time: ProgramTime) -> list[st
             f"tool {number}: stick-out {cutter.overhang:.2f} mm, S{cutter.spindle:.0f}, F{fastest:.0f} at most, "
             f"about {minutes:.1f} min",
         ]
-    figures = feed_figures(posted, job.path.feed_at)
+    figures = feed_figures(posted)
     source = ""
     material = asked_material(job)
     if material is not None:

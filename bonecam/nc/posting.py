@@ -289,7 +289,7 @@ class ProgramWriter:
             lifts=sum(len(posted.path.lifts) for posted in self.posted),
             tools=tuple(dict.fromkeys(posted.path.cutter.number for posted in self.posted)),
             time=self.time,
-            feeds=feed_figures(self.posted, self.job.path.feed_at),
+            feeds=feed_figures(self.posted),
             rotary_max_deg_per_block=max(posted.largest_rotation_deg for posted in self.posted),
             air_check=tuple(self.facts.air_check),
             zero_height=self.posted[0].control.zero_height,

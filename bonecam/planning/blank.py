@@ -26,6 +26,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.layers import flat_step
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.scene import Scene
+from bonecam.planning.spacing import MAX_STEP
 from bonecam.planning.stump import parting_cutters
 from bonecam.setup.capsule import Capsule
 from bonecam.setup.placement import Setup
@@ -258,7 +259,7 @@ def _contacts(stretches: list[Line], lathe: Lathe, stays: Profile, job: Job, upp
     parts = []
     for index, (away, at) in enumerate(stretches):
         half = np.arccos(1 - job.path.chord_tolerance / float(away.max()))
-        turn = min(2 * half, job.path.max_step / float(away.max()), MOST_TURN)
+        turn = min(2 * half, MAX_STEP / float(away.max()), MOST_TURN)
         angle, radii, z = helix(away, at, flat_step(cutter.radius, CUSP), turn)
         angle *= sense
         # The normal of what stays where the ball touches it, else away from the axis

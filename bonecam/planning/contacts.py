@@ -39,7 +39,7 @@ from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.distance import MeshDistance, lowest_between
 from bonecam.mesh.smooth_surface import nearest_areas
 from bonecam.planning.patterns import SIDE_STEP, LineContacts, order_curves, pattern_curves, post_rings
-from bonecam.planning.spacing import contact_frames, sample_lines
+from bonecam.planning.spacing import MAX_STEP, contact_frames, sample_lines
 from bonecam.tool.cutter import MAX_DEPTH_RADII, Cutter
 from bonecam.tool.path import ContactPath
 from bonecam.workholding.post import Column, Post
@@ -578,7 +578,7 @@ def candidate_contacts(
     surface = level.surface
     curves = pattern_curves(surface, job.pattern, cutter, turn_speed)
     curves = order_curves(surface, curves, job.direction)
-    lines = sample_lines(surface, curves, cutter.radius, job.chord_tolerance, job.max_step)
+    lines = sample_lines(surface, curves, cutter.radius, job.chord_tolerance, MAX_STEP)
     line = lines.line
     parameters, directions = curves.at(line, lines.x)
     contacts, normals, feeds = contact_frames(surface, parameters, directions)

@@ -5,7 +5,7 @@ What a program will take, told before it is planned: length of its passes, block
 The ball's centre runs on the offset surface of a level at the ball's radius, of area A'; passes a side step L apart,
 that on a plane, are A' / L long. A roughing cut leaves out what is shallower than `path.least_depth`. A move is as long
 as the curvature k of the offset surface there lets it be within the chord tolerance e, sqrt(8 e / k), or
-`path.max_step`. What comes on top (ramps, rest paths, passes that crowd at the poles, links, turns of the rotary axes)
+MAX_STEP. What comes on top (ramps, rest paths, passes that crowd at the poles, links, turns of the rotary axes)
 are factors, from the programs of eight bones of 16 to 60 mm (`tests/benchmarks/bench_bones.py`). The cutter of
 `path.fine_cutter`, the parting and the second clamping are left out.
 """
@@ -27,7 +27,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets import vertex_normals
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.contacts import DepthLimits
-from bonecam.planning.spacing import side_step
+from bonecam.planning.spacing import MAX_STEP, side_step
 from bonecam.setup.stock import schedule_of
 from bonecam.tool.cutter import Cutter
 
@@ -121,7 +121,7 @@ def estimate(levels: Sequence[Level], job: Job, bodies: MachineBodies) -> Estima
         steps = np.sqrt(8 * job.path.chord_tolerance / np.maximum(curvatures, np.finfo(float).tiny))
         length += float(passes.sum())
         minutes += float(passes.sum()) / cutter.feed
-        moves += float((passes / np.minimum(steps, job.path.max_step)).sum())
+        moves += float((passes / np.minimum(steps, MAX_STEP)).sum())
     blocks = round(BLOCK_FACTOR * moves) + BLOCKS_A_LEVEL * len(machined)
     seconds = SECONDS_A_LEVEL * len(machined) + SECONDS_A_BLOCK * blocks
     whole = TIME_FACTOR * minutes + MINUTES_A_LEVEL * len(machined)

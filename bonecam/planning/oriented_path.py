@@ -11,6 +11,7 @@ from numpy import ndarray
 from bonecam.arrays import angles_between
 from bonecam.errors import OrientationError
 from bonecam.job import NcJob, PathJob
+from bonecam.job.nc_section import LINK_FEED
 from bonecam.machine.limits import MachineLimits
 from bonecam.material.in_process_stock import InProcessStock
 from bonecam.mesh.smooth_surface import nearest_areas
@@ -35,6 +36,8 @@ from bonecam.tool.path import ContactPath, FreeCones, MoveKind, ToolPath
 
 MAX_TURN = np.radians(30.0)
 """A cutting move turns the tool axis by no more, radians: else the tool retracts and comes back."""
+LEAD_RADII = 0.5
+"""Radius of the arcs on which cuts begin and end, in radii of the ball; a half and a quarter of it are tried too."""
 
 
 def orient(
@@ -60,12 +63,10 @@ def orient(
     none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter, job.clearance)
-    feeds = Feeds(nc.link_feed, nc.plunge_feed, nc.rapid_feed)
+    feeds = Feeds(LINK_FEED, nc.plunge_feed, nc.rapid_feed)
     tolerance = planned_tolerance(job.gouge_tolerance)
     # an arc sweeps what lies beside the cut: how much that is must be known
-    lead = 0.0
-    if job.lead_in != "straight" and isinstance(material, InProcessStock):
-        lead = job.lead_radius or path.cutter.radius / 2
+    lead = LEAD_RADII * path.cutter.radius if isinstance(material, InProcessStock) else 0.0
     space = LinkSpace(checker, limits, feeds, job.clearance, tolerance, material=material, lead_radius=lead)
     if not len(path.contacts):
         return _idle_path(path, space)

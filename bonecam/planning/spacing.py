@@ -20,7 +20,7 @@ Forward step: how many contacts a line needs so that straight moves of the ball 
 curve C = S + R n within the chord tolerance.
 
 Contacts are first spread by the curvature k of the offset curve (a chord of length l deviates by l^2 k / 8);
-then every move is measured in its middle and halved until it holds. No move is longer than `max_step`.
+then every move is measured in its middle and halved until it holds. No move is longer than MAX_STEP.
 
 Where the iso-parametric lines of a zig-zag lie: each line at the smallest step-over found on the line
 before. A surface may be closed in s or open, and its t may end at poles or at edges (`LineEnd`).
@@ -165,6 +165,8 @@ DENSE_MOVES = 128
 """Moves into which each line is first divided to find its curvature."""
 MIN_MOVES = 8
 """Each line has at least this many moves."""
+MAX_STEP = 1.0
+"""Longest cutting move, mm: half the radius of the usual roughing ball, so that flat places are followed too."""
 MAX_HALVINGS = 12
 """A first move is halved no more often than this."""
 SPREAD = 0.7

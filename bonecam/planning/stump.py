@@ -57,6 +57,7 @@ from bonecam.planning.layers import (
 )
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.scene import Scene
+from bonecam.planning.spacing import MAX_STEP
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.capsule import smallest_capsule
 from bonecam.tool.cutter import MAX_DEPTH_RADII, Cutter
@@ -135,7 +136,7 @@ def parting_contacts(groove: Groove, cutter: Cutter, job: Job) -> Iterator[Conta
     for number, (before, floor) in enumerate(pairwise(np.linspace(groove.outer, groove.bridge, count + 1).tolist()), 1):
         farthest = before + cutter.radius
         half = np.arccos(1 - job.path.chord_tolerance / farthest)
-        turn = min(2 * half, job.path.max_step / farthest)
+        turn = min(2 * half, MAX_STEP / farthest)
         ramp = np.linspace(-RAMP, 0.0, int(np.ceil(RAMP / turn)) + 1)
         angle = np.r_[ramp[:-1], np.linspace(0.0, 2 * np.pi, int(np.ceil(2 * np.pi / turn)) + 1)]
         radii = np.asarray(np.interp(angle, [-RAMP, 0.0], [before, floor]))

@@ -156,9 +156,8 @@ def wanted_axes(
     make = partial(smooth_axes, cones, domain, limits, job, facets=facets)
     best = soonest([make(start=start) for start in starts], limits)
     candidates = [best]
-    # unless their energy is asked for: the weights of cells would leave more contacts outside their cones
-    asked = facets if job.membrane or job.thin_plate else None
     for haste in HASTES:
-        candidates.append(make(start=candidates[-1].field, haste=haste, facets=asked))
+        # the weights of cells would leave more contacts outside their cones
+        candidates.append(make(start=candidates[-1].field, haste=haste, facets=None))
     best = soonest(candidates, limits)
     return (best if job.certify == "distances" else best.verified(scene)).wanted

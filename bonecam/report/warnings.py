@@ -15,6 +15,7 @@ from typing import Any
 from bonecam.errors import LimitError, knowing
 from bonecam.job import Job
 from bonecam.job.sections import CUTTERS
+from bonecam.job.warnings_section import GUESSED_REFUSED, LEFT_REFUSED, SLENDER_REFUSED, SPINDLE_REFUSED
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.text.numbers import told_apart
 
@@ -180,7 +181,7 @@ def repair_warnings(width: float, guessed: float, job: Job, changes: Iterable[st
         share, most = told_apart(100 * guessed, 100 * job.warnings.guessed)
         text = f"{share} % of the surface is no given one (more than {most} %): {'; '.join(changes)}"
         remedy = "export the mesh again, whole and closed, or mend it in a mesh editor"
-        limits = job.warnings.guessed, job.warnings.guessed_refused
+        limits = job.warnings.guessed, GUESSED_REFUSED
         yield Warned("guessed", text, guessed, *limits, remedy=remedy)
     if width > job.warnings.hole:
         text = f"a hole of the mesh {width:.2f} mm wide was closed flat, the part's shape there is a guess"
@@ -225,8 +226,7 @@ def spindle_warnings(job: Job, machine: Machine) -> Iterator[Warned]:
         if speed < lowest:
             text = f"[{name}] turns at {speed:g} 1/min, the spindle of {machine.name} at {lowest:g} at least"
             remedy = f"give {name}.spindle, or a smaller ball"
-            share = job.warnings.spindle_refused
-            yield Warned("spindle", text, lowest / speed, 1.0, 1 / share if share else None, remedy=remedy)
+            yield Warned("spindle", text, lowest / speed, 1.0, 1 / SPINDLE_REFUSED, remedy=remedy)
 
 
 def _hole(report: Sections, job: Job) -> Iterator[Warned]:
@@ -254,7 +254,7 @@ def _left(report: Sections, job: Job) -> Iterator[Warned]:
     if share > limits.left:
         text = f"{area:.1f} of {whole:.1f} mm2 of the part ({share:.0%}) {what}"
         remedy = "`uncut` tells why; a smaller or longer cutter, path.fine_cutter or a larger path.max_tilt_deg help"
-        yield Warned("left", text, share, limits.left, limits.left_refused, remedy=remedy)
+        yield Warned("left", text, share, limits.left, LEFT_REFUSED, remedy=remedy)
 
 
 def _fit(report: Sections, job: Job) -> Iterator[Warned]:
@@ -305,7 +305,7 @@ def _slender(report: Sections, job: Job) -> Iterator[Warned]:
     if length > limits.slender * diameter:
         text = f"the post is slender: {diameter:g} x {length:g} mm bends under the cut"
         remedy = "a thicker post, a chuck below it or a slimmer holder help"
-        yield Warned("slender", text, length / diameter, limits.slender, limits.slender_refused, remedy=remedy)
+        yield Warned("slender", text, length / diameter, limits.slender, SLENDER_REFUSED, remedy=remedy)
 
 
 def _depth(report: Sections, job: Job) -> Iterator[Warned]:

@@ -434,9 +434,6 @@ ROWS = 48
 CHOICES = 2
 """Sets of rows that are tried where none are given."""
 
-ROW_POINTS = 100
-"""Points of each of these rows."""
-
 SPENT = "all control points are spent: raise surface.max_control_points"
 STUCK = "more control points would bring it no nearer: round the edge or fill the hollow there"
 FOLDED = "it meets itself: smooth the mesh, or raise surface.tolerance"
@@ -496,7 +493,7 @@ def fit(
     posed, motion = upright(target)
     progress = rising(progress)
     tried: list[Fit] = []
-    for rows in islice(row_choices(posed, ROWS, ROW_POINTS, progress=part(progress, 0.0, 0.1)), CHOICES):
+    for rows in islice(row_choices(posed, ROWS, progress=part(progress, 0.0, 0.1)), CHOICES):
         tried.append(_fit_rows(posed, rows, aim, part(progress, 0.1, 1.0)))
         if tried[-1].reached:
             break

@@ -23,8 +23,7 @@ FINEST = 0.002
 
 def part_rows(placed: Part, job: Job, progress: Progress = silent) -> Iterator[Rows]:
     """The sets of rows that a fit of the part may start from, the usual one first (`row_choices`)."""
-    edge = job.mesh.edge_percent / 100 * placed.mesh.diagonal
-    return row_choices(placed.mesh, job.mesh.rows, job.mesh.row_points, edge, progress)
+    return row_choices(placed.mesh, job.mesh.rows, progress=progress)
 
 
 def fit_surface(

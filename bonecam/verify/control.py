@@ -51,6 +51,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths
 from bonecam.errors import MachineError, ProgramError, VerifyError
 from bonecam.job import Job
+from bonecam.job.nc_section import LINK_FEED
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import UP, tool_axes
 from bonecam.machine.machine import Machine
@@ -324,7 +325,7 @@ def check_feeds_of_job(motions: Motions, dialect: Dialect, job: Job, cutters: di
     allowed = np.full(len(speeds), np.inf)
     for number, cutter in cutters.items():
         cut = max(fastest_cut(cutter, job), job.nc.plunge_feed)
-        link = max(cut, job.nc.link_feed, job.nc.rapid_feed)
+        link = max(cut, LINK_FEED, job.nc.rapid_feed)
         slower = np.minimum((motions.spindle + spindle_step) / cutter.spindle, 1.0)
         rates = np.where(motions.links, link, cut * slower)
         allowed = np.where(motions.tools == number, rates, allowed)
@@ -450,7 +451,7 @@ def _path(cutter: Cutter, level: int, axis: Float[ndarray, "3"], job: Job) -> To
         [MoveKind.RAPID, MoveKind.LINK, *[MoveKind.CUT] * len(cuts), MoveKind.LINK, MoveKind.RAPID], dtype=np.int64
     )
     nc = job.nc
-    feeds = [nc.rapid_feed, nc.plunge_feed, *[cutter.feed] * len(cuts), nc.link_feed, nc.rapid_feed]
+    feeds = [nc.rapid_feed, nc.plunge_feed, *[cutter.feed] * len(cuts), LINK_FEED, nc.rapid_feed]
     unknown = np.full((len(tips), 3), np.nan)
     return ToolPath(
         level=level,

@@ -165,7 +165,7 @@ def verify(
         place = ", ".join(f"{value:.3f}" for value in gouge.place)
         raise VerifyError(
             f"line {gouge.line}: the ball enters the part by {gouge.depth:.4f} mm at ({place}), "
-            f"allowed {allowed.gouge:g}: make path.chord_tolerance and path.max_step smaller",
+            f"allowed {allowed.gouge:g}: make path.chord_tolerance smaller",
             line=gouge.line,
             place=gouge.place,
             error=gouge.depth,

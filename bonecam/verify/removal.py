@@ -129,8 +129,8 @@ def check_removal(
         _refuse(
             removal.left.deepest_gouge,
             f"the tool goes {depth} mm into the part, allowed {most},",
-            "lift the path there; for a program of bonecam try a smaller path.max_step, a larger tip or a longer post "
-            "(holding.length)",
+            "lift the path there; for a program of bonecam try a smaller path.chord_tolerance, a larger tip or a "
+            "longer post (holding.length)",
         )
     for level in removal.levels if limited else ():
         if level.deepest and level.over_limit is not None and level.over_limit > level.over_allowed:

@@ -21,6 +21,7 @@ from numpy import ndarray
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, counted
 from bonecam.files import check_files, required_text, write_whole
 from bonecam.job import Job, NcJob
+from bonecam.job.nc_section import LINK_FEED
 from bonecam.machine.check import reach_text
 from bonecam.machine.kinematics import inverse_rotary, within_limits
 from bonecam.machine.limits import polar_angles
@@ -97,7 +98,7 @@ def _links(path: ClPath, cutter: Cutter, job: Job) -> Bool[ndarray, " n"]:
     """The moves that lead from cut to cut: as the text tells, or else those as fast as the job's links."""
     if path.links is not None:
         return path.links
-    return (path.feed_rates >= job.nc.link_feed) & (path.feed_rates > fastest_cut(cutter, job))
+    return (path.feed_rates >= LINK_FEED) & (path.feed_rates > fastest_cut(cutter, job))
 
 
 def _ball(path: ClPath) -> float:
@@ -113,7 +114,7 @@ def _of_program(text: str, origin: Machine, dialect: Dialect, job: Job, machine:
     motions = read_program(text, origin, dialect)
     way = np.linalg.norm(np.diff(motions.tips, axis=0, prepend=motions.tips[:1]), axis=1)
     feeds = np.where(motions.inverse_time, motions.feed_rates * way, motions.feed_rates)
-    feeds = np.where(feeds > 0, feeds, job.nc.link_feed)
+    feeds = np.where(feeds > 0, feeds, LINK_FEED)
     groups = list(groups_of(text, motions, dialect))
     for left, group in zip(range(len(groups))[::-1], groups, strict=True):
         rows = group.moves

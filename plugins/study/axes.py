@@ -24,6 +24,13 @@ with the Voronoi areas A, the matrix H of the energy, and tau the mean area of a
 at each contact between its neighbours, take turns with the choice of the allowed candidate nearest to x, as long as the
 energy falls. The chosen ones are put before the planner's own proof of collision, in place of the intersection of NURBS
 surfaces (Eq. 23); where one collides the choice goes on without it.
+
+Eq. 22 is taken with its membrane alone (alpha = 1, beta = 0; the paper gives no weights),
+
+    E = 1 / 2 int |grad r|^2
+
+over the surface, not over its parameters, which stretch it: with linear values on the faces r L r / 2, L the cotangent
+Laplacian (Pinkall & Polthier 1993).
 """
 
 from collections.abc import Callable
@@ -37,7 +44,8 @@ from scipy.sparse.linalg import splu
 from bonecam.arrays import dots, lengths, unit
 from bonecam.job import PathJob
 from bonecam.machine import MachineLimits, polar_angles
-from bonecam.mesh import Curvature, heights_above, mls_curvature, vertex_normals, voronoi_areas
+from bonecam.mesh import Curvature, TriangleMesh, heights_above, mls_curvature, vertex_normals, voronoi_areas
+from bonecam.mesh.facets import cotangent_weights
 from bonecam.planning import SINGULAR_CONE, CollisionChecker, ContactFacets, Scene, contact_facets, within_limits
 from bonecam.surface import TSpline
 from bonecam.tool import ContactPath
@@ -142,11 +150,16 @@ def published_axes(
     def free(vertices: Int[ndarray, " k"], axes: Float[ndarray, "k 3"]) -> Bool[ndarray, " k"]:
         return checker.free_by_distance(path.centres[rows[vertices]], axes)
 
-    weights = (job.membrane, job.thin_plate) if job.membrane or job.thin_plate else (1.0, 0.0)
-    energy = facets.energy.matrix(*weights)
+    energy = elastic_energy(facets.mesh)
     chosen = choose(candidates, allowed.reshape(count, each), energy, voronoi_areas(facets.mesh), free)
     axes = candidates[np.arange(count), chosen]
     return np.where(facets.found[:, None], axes[facets.vertex_of], path.normals)
+
+
+def elastic_energy(mesh: TriangleMesh) -> csr_array:
+    """The symmetric H (v, v) of the membrane, E = r H r / 2, on the faces of a mesh, open or closed."""
+    weights = cotangent_weights(mesh)
+    return (diags_array(weights.sum(axis=1)) - weights).tocsr()
 
 
 def choose(

@@ -48,6 +48,7 @@ from scipy import ndimage
 import bonecam
 from bonecam.job import Job, read_job
 from bonecam.job.materials.preset import read_material
+from bonecam.job.nc_section import LINK_FEED
 from bonecam.machine.machine import Machine, read_machine
 from bonecam.mechanics.edges import cutter_compliance, strip_force
 from bonecam.mechanics.loads import mechanics_of_job
@@ -338,7 +339,7 @@ def figures(levels: Levels, model: Model, layers: Layers, driven: bool) -> tuple
     _, of_levels, taken = levels.roughed(layers.to)
     stands = max(min(taken, float(model.spare.sum()) * cell**3) - removed, 0.0)
     rest, inner = stands * of_levels / taken, float(levels.minutes[1][1])
-    link = 2 * (levels.job.path.clearance + layers.depth) / levels.job.nc.link_feed
+    link = 2 * (levels.job.path.clearance + layers.depth) / LINK_FEED
     another = layers.shape != "ball" or layers.diameter != 2 * levels.job.roughing.radius
     turns = tilt_minutes(levels, layers.tilts, another)
 

@@ -20,9 +20,7 @@ from bonecam.surface.part_surface import fit_surface
 
 pytestmark = pytest.mark.whole
 
-JOB = Job().with_values(
-    holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8, "row_points": 24}, surface={"tolerance": 0.08}
-)
+JOB = Job().with_values(holding={"diameter": 2.0, "length": 60.0}, mesh={"rows": 8}, surface={"tolerance": 0.08})
 
 
 @pytest.fixture(scope="module")

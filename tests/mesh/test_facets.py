@@ -14,11 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy import ndarray
-from scipy.spatial import Delaunay
 
 from bonecam.errors import MeshError
 from bonecam.mesh import SurfaceShape, TriangleMesh, delaunay, mls_curvature, vertex_normals
-from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
+from bonecam.mesh.facets import voronoi_areas
 
 SCATTERED = np.random.default_rng(1).random((300, 2))
 GRID = np.stack(np.meshgrid(np.arange(12) * 0.1, np.arange(7) * 0.3), axis=-1).reshape(-1, 2)
@@ -74,12 +73,6 @@ def require_delaunay(points: ndarray, faces: ndarray) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_counts_and_circles_hold(name):
     require_delaunay(CASES[name], delaunay(CASES[name]))
-
-
-def test_scattered_points_give_scipys_triangles():
-    ours = {tuple(sorted(face)) for face in delaunay(SCATTERED).tolist()}
-    theirs = {tuple(sorted(face)) for face in Delaunay(SCATTERED).simplices.tolist()}
-    assert ours == theirs
 
 
 def test_a_row_between_two_rows_loses_no_facet_on_the_straight_hull():
@@ -232,46 +225,6 @@ def test_a_vertex_without_faces_has_no_normal():
     mesh = TriangleMesh(np.eye(4)[:, :3], np.array([[0, 1, 2]], dtype=np.int32))
     with pytest.raises(MeshError, match="vertex 3 has no normal"):
         vertex_normals(mesh)
-
-
-SIZE = 21
-SQUARES = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), axis=-1).reshape(-1, 2) * 0.5
-SQUARE = TriangleMesh(np.column_stack([SQUARES, np.zeros(len(SQUARES))]), delaunay(SQUARES))
-ENERGY = ElasticEnergy.of(SQUARE)
-
-
-def energy_of(energy: ElasticEnergy, values: np.ndarray, alpha: float, beta: float) -> float:
-    return float((values * (energy.matrix(alpha, beta) @ values)).sum() / 2)
-
-
-INSIDE = (SIZE - 2) ** 2 * 0.25
-"""mm^2: cells of the vertices that are not on the boundary."""
-
-
-def test_the_membrane_of_a_linear_value_is_half_its_slope_squared_times_the_area():
-    tilted = (3 * SQUARES[:, 0] - 4 * SQUARES[:, 1])[:, None]
-    assert energy_of(ENERGY, tilted, 1.0, 0.0) == pytest.approx(25 / 2 * 100)
-    assert energy_of(ENERGY, tilted, 0.0, 1.0) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_thin_plate_of_a_parabola_is_half_its_laplacian_squared_times_the_area():
-    parabola = (SQUARES**2).sum(axis=1)[:, None]
-    assert energy_of(ENERGY, parabola, 0.0, 1.0) == pytest.approx(4**2 / 2 * INSIDE)
-
-
-def test_both_weights_and_all_components_add_up():
-    axes = np.random.default_rng(1).normal(size=(len(SQUARES), 3))
-    parts = [energy_of(ENERGY, axes[:, [k]], *weights) for k in range(3) for weights in ((0.3, 0.0), (0.0, 0.7))]
-    assert energy_of(ENERGY, axes, 0.3, 0.7) == pytest.approx(sum(parts))
-    assert energy_of(ENERGY, axes, 0.0, 0.0) == 0
-
-
-def test_a_constant_has_no_energy_and_the_energy_is_that_of_the_surface_not_of_its_place():
-    assert energy_of(ENERGY, np.ones((len(SQUARES), 3)), 1.0, 1.0) == pytest.approx(0.0, abs=1e-9)
-    turn = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
-    turned = ElasticEnergy.of(TriangleMesh(SQUARE.vertices @ turn.T, SQUARE.faces))
-    values = np.sin(SQUARES)
-    assert energy_of(turned, values, 1.0, 0.5) == pytest.approx(energy_of(ENERGY, values, 1.0, 0.5))
 
 
 def flat(places: np.ndarray, faces: np.ndarray) -> TriangleMesh:

@@ -178,7 +178,7 @@ def test_components_meet_at_vertices_and_edges_but_not_across_a_wall(bone):
 
 def test_the_mesh_as_given_is_compared_without_what_was_left_out(bone):
     given = with_debris(bone, "vertex", 700, 0.5)
-    part = prepare_part(given, MeshJob(pit_radius=0.0))
+    part = prepare_part(given, MeshJob())
     assert len(part.given.faces) == len(bone.faces) + 4
     assert len(part.placed_given.faces) == len(bone.faces)
     assert part.repair_deviation < 1e-12
@@ -232,11 +232,11 @@ def test_a_rough_mesh_is_refused_rather_than_smoothed():
 
 def test_a_part_keeps_the_mesh_as_given_and_tells_how_far_repair_moved_it():
     whole = ellipsoid(4, 3, 9)
-    part = prepare_part(whole, MeshJob(pits="keep"))
+    part = prepare_part(whole, MeshJob())
     assert part.repair_deviation == 0
     assert np.allclose(part.placed_given.vertices, part.mesh.vertices)
     holed = TriangleMesh(whole.vertices, whole.faces[: -len(whole.faces) // 40])
-    part = prepare_part(holed, MeshJob(pits="keep"))
+    part = prepare_part(holed, MeshJob())
     assert part.repairs
     assert len(part.given.faces) == len(holed.faces)
     assert 0.05 < part.repair_deviation < 2

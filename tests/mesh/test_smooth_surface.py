@@ -204,7 +204,7 @@ def test_a_part_with_true_edges_is_kept_and_told_and_rounded_only_where_asked():
 
 def test_coarse_facets_that_are_kept_as_asked_are_told(phalanx):
     coarse = with_faces(phalanx, 200, on_surface=False)
-    part = prepare_part(coarse, MeshJob(facets="exact", pits="keep"))
+    part = repaired_part(coarse, MeshJob(facets="exact"))
     assert any(note.startswith("facets kept as asked: edges of ") for note in part.notes)
     assert not part.repairs
 

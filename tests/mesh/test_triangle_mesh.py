@@ -11,7 +11,8 @@ import trimesh
 
 from bonecam import TriangleMesh
 from bonecam.job import MeshJob
-from bonecam.mesh import mesh_from, prepare_part
+from bonecam.mesh import mesh_from
+from bonecam.mesh.part import repaired_part
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.int32)
@@ -35,7 +36,7 @@ def test_the_mesh_of_a_library_becomes_ours(library):
 
 
 def test_the_mesh_of_a_library_becomes_a_part():
-    part = prepare_part(MADE_BY["trimesh"](), MeshJob(units="inch", pits="keep", upright=False))
+    part = repaired_part(MADE_BY["trimesh"](), MeshJob(units="inch", upright=False))
     assert part.file == "the mesh"
     np.testing.assert_allclose(part.mesh.bounds[1], 25.4)
 

@@ -117,28 +117,6 @@ def test_feeds_that_every_axis_can_follow_are_left_alone(pair):
     assert np.array_equal(same.feed_rates, path.feed_rates)
 
 
-def test_the_contact_keeps_the_feed_of_the_cutter_where_the_job_asks(pair):
-    # an arc of 8 mm whose tips lie 4 mm outside: there the tip is 1.5 times as fast as the contact
-    machine, dialect = pair
-    angle = np.linspace(0.2, 1.2, 200)
-    outward = np.column_stack([np.zeros(200), np.cos(angle), np.sin(angle)])
-    contacts = np.array([0.0, 0.0, 60.0]) + 8.0 * outward
-    path = replace(path_of(contacts + 4.0 * outward, outward), contacts=contacts)
-    tip, contact = (Job().with_values(path={"feed_at": at}) for at in ("tip", "contact"))
-    fast = with_speeds(machine, 1e9)
-    assert np.array_equal(drivable_paths([path], fast, dialect, tip)[0].feed_rates, path.feed_rates)
-    (raised,) = drivable_paths([path], fast, dialect, contact)
-    kept = raised.feed_rates[20:-20] / (1.5 * path.cutter.feed)
-    assert kept.max() < 1.02
-    assert kept.min() > (0.98 if dialect.feed_mode == "inverse-time" else 0.98 / (1 + LARGEST_STEP))
-
-    (limited,) = drivable_paths([path], machine, dialect, contact)
-    program = write_program([limited], machine, dialect, contact)
-    motions = read_program(program.text, machine, dialect)
-    assert axis_shares(motions, machine).max() <= 1.0 + 1e-6
-    compare_moves(motions, [limited], dialect, Tolerances())
-
-
 def test_rapids_that_are_written_as_feeds_are_lowered_too():
     machine, dialect = PAIRS["linuxcnc"]
     bent = dialect.model_copy(update={"straight_rapids": False})

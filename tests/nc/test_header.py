@@ -63,7 +63,8 @@ def test_the_header_says_what_to_mount_and_how_to_set_the_control(text):
     head = text[: text.index("TOOL CALL")]
     told = comments(head)
     for said in (
-        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM STOCK: FROM Z -15.20 TO Z 0.00",
+        "STOCK: CAPSULE, DIAMETER 13.20, LENGTH 15.20 MM",
+        "STOCK: FROM Z -15.20 TO Z 0.00",
         "A BAR TURNED TO A CYLINDER WITH HALF A BALL AT EITHER END",
         "POST BELOW IT: DIAMETER 4.00 MM, FROM Z -44.60 TO Z -14.89, TURNED BEFORE",
         "NOTHING OF CHUCK, COLLET OR VICE MAY STAND ABOVE Z -44.60",
@@ -185,12 +186,12 @@ def test_the_rotary_tolerance_swings_the_ball_by_no_more_than_the_tolerance(radi
 
 
 def test_roughing_has_its_own_tolerance_and_never_a_finer_one_than_finishing():
-    job = Job().with_values(nc={"roughing_tolerance": 0.05})
-    assert contour_tolerance(HEIDENHAIN, job, finishing=False) == 0.05
+    job = Job()
+    assert contour_tolerance(HEIDENHAIN, job, finishing=False) == 0.02
     assert contour_tolerance(HEIDENHAIN, job, finishing=True) == pytest.approx(1.3 * 0.004)
     coarse = Job().with_values(path={"chord_tolerance": 0.1})
     assert contour_tolerance(HEIDENHAIN, coarse, finishing=False) == pytest.approx(0.13)
-    assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(1.432)
+    assert rotary_tolerance_deg(HEIDENHAIN, job, False, 2.0) == pytest.approx(0.572)
 
 
 def test_wound_words_make_the_same_moves_without_the_short_way():
@@ -338,16 +339,6 @@ def test_the_simulation_is_told_in_short_lines_that_begin_with_a_warning():
     assert text.count("\n") == posted.text.count("\n")
 
 
-def test_the_line_of_the_simulation_changes_no_motion():
-    posted = write_program(TWO_PATHS, MIKRON, HEIDENHAIN, Job(), stock=UPRIGHT_CAPSULE)
-    before, after = (
-        read_program(program.text, MIKRON, HEIDENHAIN)
-        for program in (posted, record_simulation(posted, HEIDENHAIN, 0.05))
-    )
-    for name in ("tips", "axes", "lines", "tools", "rapid", "links"):
-        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
-
-
 KINDS = ("table-table", "head-table", "head-head", "nutating")
 WAYS = {letter + sign: float(sign + "1") * row for row, letter in zip(np.eye(3), "XYZ") for sign in "+-"}
 SHIPPED = {name: (MACHINES / f"{name}.toml").read_text() for name in machine_names()}
@@ -447,7 +438,9 @@ def test_every_sentence_is_what_is_seen(machine_file, tmp_path):
     assert letters == {*seen.part, *seen.head}
 
 
-def test_a_wrong_direction_of_any_axis_is_told_otherwise(machine_file, tmp_path):
+@pytest.mark.parametrize("kind", ["mikron-ucp600", *KINDS])
+def test_a_wrong_direction_of_any_axis_is_told_otherwise(kind, tmp_path):
+    machine_file = {**SHIPPED, **CHAINS}[kind]
     right = texts_of(machine_file, tmp_path)
     for letter in set("ABC") & set(Seen(machine_file).file):
         head, table = machine_file.split(f"[{letter}]")
@@ -456,27 +449,6 @@ def test_a_wrong_direction_of_any_axis_is_told_otherwise(machine_file, tmp_path)
         wrong = f"{head}[{letter}]" + table.replace(sign[0], f"sign = {-int(sign[1])}", 1)
         differ = [line for line in right if line not in texts_of(wrong, tmp_path)]
         assert any(f"{letter} to " in line for line in differ)
-
-
-def test_the_check_of_the_mikron_and_of_its_wrong_b(tmp_path):
-    assert texts_of(SHIPPED["mikron-ucp600"], tmp_path)[3:] == [
-        "at B 0 and C 0 the tool must stand square to the table, X+ of the blank towards X+",
-        "B to +30: a mark at X+ of the table must go to Z+",
-        "B to +30: the tool, from tip to spindle, leans to X+ of the table",
-        "C to +90: a mark at X+ of the table must go to Y-",
-    ]
-    assert texts_of(WRONG_B, tmp_path)[4:6] == [
-        "B to +30: a mark at X+ of the table must go to Z-",
-        "B to +30: the tool, from tip to spindle, leans to X- of the table",
-    ]
-
-
-def test_a_head_is_watched_at_its_tip_and_its_turn_by_the_tilt(tmp_path):
-    assert texts_of(CHAINS["head-head"], tmp_path)[4:] == [
-        "A to +30: the tip of the tool must swing to Y+",
-        "A to +30: the tool, from tip to spindle, leans to Y- of the table",
-        "A at +30 and C to +90: the tip of the tool must swing from Y+ to X-",
-    ]
 
 
 def test_turns_stay_within_limits_and_begin_at_them(tmp_path):

@@ -1,6 +1,7 @@
 """A program in numbered files: what the control runs of them is what was proved as one text."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +15,17 @@ from bonecam.nc import Dialect, Program, dialect_names, read_program, write_prog
 from bonecam.nc.parts import joined, part_count, program_files, stage_program_files, write_program_files
 from bonecam.nc.requirements import job_dialect
 from bonecam.runtime.staging import staged
-from bonecam.tool import ToolPath
 from bonecam.verify.control import program_text
 
 MACHINE = read_machine("mikron-ucp600")
 Made = tuple[Program, Dialect, Job]
 
 
-def made_of(paths: list[ToolPath], controller: str, **nc: object) -> Made:
+@cache
+def made_of(controller: str, name: str = "BONE", **nc: object) -> Made:
     job = Job().with_values(nc={"controller": controller, **nc})
     dialect = job_dialect(job.nc)
-    return write_program(paths, MACHINE, dialect, job, name="BONE"), dialect, job
+    return write_program(THREE_PATHS, MACHINE, dialect, job, name=name), dialect, job
 
 
 def written(made: Made, folder: Path) -> Path:
@@ -34,17 +35,21 @@ def written(made: Made, folder: Path) -> Path:
     return place
 
 
-@pytest.mark.parametrize("controller", dialect_names())
 @pytest.mark.parametrize(
-    ("split", "files"), [({"split": "level"}, 3), ({"split": "tool"}, 2), ({"split_blocks": 1000}, 2)]
+    ("controller", "split", "files"),
+    [
+        *((name, {"split": "level"}, 3) for name in dialect_names()),
+        ("heidenhain", {"split": "tool"}, 2),
+        ("fanuc-30i", {"split_blocks": 1000}, 2),
+    ],
 )
 def test_the_files_run_the_moves_of_the_program_in_one(controller, split, files, tmp_path):
-    made = made_of(THREE_PATHS, controller, **split)
+    made = made_of(controller, **split)
     program, dialect, _ = made
     caller = written(made, tmp_path)
     assert len(list(tmp_path.iterdir())) - 1 >= files
     assert joined(caller, dialect).text == program.text
-    whole, _, _ = made_of(THREE_PATHS, controller)
+    whole, _, _ = made_of(controller)
     one, other = (read_program(text, MACHINE, dialect) for text in (whole.text, joined(caller, dialect).text))
     np.testing.assert_array_equal(one.words, other.words)
     np.testing.assert_array_equal(one.feed_rates, other.feed_rates)
@@ -64,7 +69,7 @@ def test_the_files_run_the_moves_of_the_program_in_one(controller, split, files,
     ],
 )
 def test_a_caller_calls_parts_that_return_to_it(controller, call, file, first, last, tmp_path):
-    caller = written(made_of(THREE_PATHS, controller, split="tool", program_number=77), tmp_path)
+    caller = written(made_of(controller, split="tool", program_number=77), tmp_path)
     calls = [line for line in caller.read_text().split("\n") if line.endswith(call)]
     assert len(calls) == 1
     part = (tmp_path / file).read_text().removesuffix("\n").split("\n")
@@ -74,7 +79,7 @@ def test_a_caller_calls_parts_that_return_to_it(controller, call, file, first, l
 
 
 def test_every_part_begins_with_all_that_a_restart_needs(tmp_path):
-    caller = written(made_of(THREE_PATHS, "heidenhain", split="level"), tmp_path)
+    caller = written(made_of("heidenhain", split="level"), tmp_path)
     for part in (1, 2, 3):
         text = caller.with_name(f"BONE_{part}.h").read_text()
         start = text[: text.index("CUT")]
@@ -83,7 +88,7 @@ def test_every_part_begins_with_all_that_a_restart_needs(tmp_path):
 
 
 def test_no_file_has_more_blocks_than_the_job_allows(tmp_path):
-    written(made_of(THREE_PATHS, "fanuc-30i", split_blocks=1000), tmp_path)
+    written(made_of("fanuc-30i", split_blocks=1000), tmp_path)
     parts = [path.read_text().count("\n") for path in tmp_path.glob("O*.nc")]
     assert len(parts) == 2
     assert max(parts) <= 1000
@@ -93,11 +98,11 @@ def test_a_split_too_small_for_one_level_is_one_line():
     with pytest.raises(
         JobError, match=r"^\[nc\] split_blocks = 40: level \d has \d+ blocks: give \d+ or more$"
     ) as caught:
-        made_of(THREE_PATHS, "heidenhain", split_blocks=40)
+        made_of("heidenhain", split_blocks=40)
     needed = int(str(caught.value).split("give ")[1].split(" ")[0])
-    made_of(THREE_PATHS, "heidenhain", split_blocks=needed)
+    made_of("heidenhain", split_blocks=needed)
     with pytest.raises(JobError, match="split_blocks"):
-        made_of(THREE_PATHS, "heidenhain", split_blocks=needed - 1)
+        made_of("heidenhain", split_blocks=needed - 1)
 
 
 def without(text: str, line: str) -> str:
@@ -126,7 +131,7 @@ FAULTS: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_files_that_are_not_those_of_the_program_are_refused(fault, tmp_path):
-    made = made_of(THREE_PATHS, "heidenhain", split="level")
+    made = made_of("heidenhain", split="level")
     caller = written(made, tmp_path)
     FAULTS[fault](tmp_path)
     with pytest.raises((ProgramError, FileError), match=r"(BONE_\d|bone)\.h: "):
@@ -134,7 +139,7 @@ def test_files_that_are_not_those_of_the_program_are_refused(fault, tmp_path):
 
 
 def test_a_fault_in_a_part_is_told_with_its_file_and_line(tmp_path):
-    program, dialect, job = made_of(THREE_PATHS, "heidenhain", split="level")
+    program, dialect, job = made_of("heidenhain", split="level")
     caller = written((program, dialect, job), tmp_path)
     part = tmp_path / "BONE_2.h"
     lines = part.read_text().split("\n")
@@ -146,7 +151,7 @@ def test_a_fault_in_a_part_is_told_with_its_file_and_line(tmp_path):
 
 
 def test_a_part_without_its_caller_is_told_as_one(tmp_path):
-    made = made_of(THREE_PATHS, "siemens-840d", split="level")
+    made = made_of("siemens-840d", split="level")
     written(made, tmp_path)
     with pytest.raises(ProgramError, match=r"BONE_2\.mpf: it is part 2 of 3 of BONE: give the program that"):
         joined(tmp_path / "BONE_2.mpf", made[1])
@@ -155,7 +160,7 @@ def test_a_part_without_its_caller_is_told_as_one(tmp_path):
 
 
 def test_the_files_are_written_all_or_none(tmp_path):
-    made = made_of(THREE_PATHS, "heidenhain", split="level")
+    made = made_of("heidenhain", split="level")
     (tmp_path / "BONE_3.h").mkdir()
     with pytest.raises(FileError, match=r"BONE_3\.h"):
         written(made, tmp_path)
@@ -163,16 +168,15 @@ def test_the_files_are_written_all_or_none(tmp_path):
 
 
 def test_a_part_does_not_replace_that_of_another_program(tmp_path):
-    program, dialect, _ = made_of(THREE_PATHS, "fanuc-30i", split="tool", program_number=77)
+    program, dialect, _ = made_of("fanuc-30i", split="tool", program_number=77)
     written((program, dialect, Job()), tmp_path)
-    job = Job().with_values(nc={"controller": "fanuc-30i", "split": "tool", "program_number": 78})
-    other = write_program(THREE_PATHS, MACHINE, dialect, job, name="OTHER")
+    other, _, _ = made_of("fanuc-30i", "OTHER", split="tool", program_number=78)
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and a part of BONE"):
         program_files(other, dialect, tmp_path / "other.nc")
 
 
 def test_a_part_does_not_replace_a_file_that_is_none(tmp_path):
-    made = made_of(THREE_PATHS, "fanuc-30i", split="tool", program_number=77)
+    made = made_of("fanuc-30i", split="tool", program_number=77)
     (tmp_path / "O0079.nc").write_text("%\nO0079\nM30\n%\n")
     with pytest.raises(FileError, match=r"O0079\.nc: it is there, and no part of a program"):
         written(made, tmp_path)
@@ -180,10 +184,9 @@ def test_a_part_does_not_replace_a_file_that_is_none(tmp_path):
 
 
 def test_a_program_does_not_replace_a_part_that_another_calls(tmp_path):
-    made = made_of(THREE_PATHS, "linuxcnc", split="tool")
+    made = made_of("linuxcnc", split="tool")
     written(made, tmp_path)
-    dialect, job = made[1:]
-    other = write_program(THREE_PATHS, MACHINE, dialect, job.with_values(nc={"split": "none"}), name="BONE_1")
+    other, dialect, _ = made_of("linuxcnc", "BONE_1")
     with pytest.raises(FileError, match=r"bone_1\.ngc: it is a part of BONE: give another name"):
         program_files(other, dialect, tmp_path / "bone_1.ngc")
 
@@ -197,15 +200,15 @@ def test_a_dialect_without_calls_cannot_split(tmp_path):
         job_dialect(job.nc)
 
 
-@pytest.mark.parametrize("controller", dialect_names())
+@pytest.mark.parametrize("controller", ["heidenhain", "fanuc-30i", "linuxcnc"])
 def test_parts_of_a_longer_program_go_with_it(controller, tmp_path):
     other = tmp_path / "notes.txt"
     other.write_text("mine")
-    first = made_of(THREE_PATHS, controller, split="level", program_number=77)
+    first = made_of(controller, split="level", program_number=77)
     caller = written(first, tmp_path)
     assert len(list(tmp_path.iterdir())) == 2 + part_count(first[0].text) == 5
     for fewer in ({"split": "tool"}, {}):
-        made = made_of(THREE_PATHS, controller, program_number=77, **fewer)
+        made = made_of(controller, program_number=77, **fewer)
         written(made, tmp_path)
         assert set(tmp_path.iterdir()) == {other, *program_files(made[0], made[1], caller)}
     assert part_count(made[0].text) == 0
@@ -214,10 +217,9 @@ def test_parts_of_a_longer_program_go_with_it(controller, tmp_path):
 @pytest.mark.parametrize("controller", ["heidenhain", "fanuc-30i"])
 def test_parts_of_longer_programs_of_both_clampings_go(controller, tmp_path):
     def write(**nc):
-        job = Job().with_values(nc={"controller": controller, **nc})
-        dialect = job_dialect(job.nc)
+        dialect = made_of(controller, **nc)[1]
         named = {
-            tmp_path / f"{name}{dialect.extension}": write_program(THREE_PATHS, MACHINE, dialect, job, name=name)
+            tmp_path / f"{name}{dialect.extension}": made_of(controller, name, **nc)[0]
             for name in ("BONE", "BONE_SECOND")
         }
         with staged() as staging:
@@ -231,10 +233,10 @@ def test_parts_of_longer_programs_of_both_clampings_go(controller, tmp_path):
 
 
 def test_parts_stay_where_the_new_program_is_refused(tmp_path):
-    caller = written(made_of(THREE_PATHS, "heidenhain", split="level"), tmp_path)
+    caller = written(made_of("heidenhain", split="level"), tmp_path)
     before = {file: file.read_text() for file in tmp_path.iterdir()}
     (tmp_path / "BONE_2.h").write_text("mine")
     with pytest.raises(FileError, match="no part of a program"):
-        written(made_of(THREE_PATHS, "heidenhain", split="tool"), tmp_path)
+        written(made_of("heidenhain", split="tool"), tmp_path)
     assert caller.read_text() == before[caller]
     assert len(list(tmp_path.iterdir())) == len(before)

@@ -99,29 +99,6 @@ def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit():
     assert caught.value.evidence["limit_deg"] == pytest.approx(-115)
 
 
-@pytest.fixture
-def limited(tmp_path):
-    """A table that turns 200 degrees either way and a tilt to one side only."""
-    rotary = {"C": axis([0, 0, 1], [0, 0, 0], -1, -200, 200), "B": axis([0, 1, 0], [0, 0, 0], -1, -100, 0)}
-    return read_machine(write_machine(tmp_path, machine_text(["C", "B", "XYZ"], rotary)))
-
-
-def test_a_limited_table_is_rewound_at_a_rapid_only(limited):
-    axes, kinds = pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 20, 38, 55)
-    choice = choose_angles(limited, axes, kinds, HOLD)
-    assert choice.rewinds.any()
-    assert (kinds[choice.rewinds] == MoveKind.RAPID).all()
-    assert np.abs(np.degrees(choice.angles[:, 1])).max() <= 200
-    assert np.abs(tool_axes(limited, choice.angles) - axes).max() < 1e-9
-    steps = np.abs(np.diff(choice.angles, axis=0)).max(1)
-    assert np.degrees(steps[~choice.rewinds[1:]].max()) < 11
-
-
-def test_a_limited_table_is_never_rewound_in_the_cut(limited):
-    with pytest.raises(MachineError, match="reach their limits within a cut"):
-        choose_angles(limited, pointing(60.0, np.linspace(0, 700, 71)), cuts(71), HOLD)
-
-
 @pytest.mark.parametrize("endless", [False, True])
 @pytest.mark.parametrize(
     ("low", "high", "turns", "rewinds"),
@@ -139,6 +116,11 @@ def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(winding, low, h
     assert np.degrees(choice.angles[:, 1].min()) >= low - 1e-6
     assert np.degrees(choice.angles[:, 1].max()) <= high + 1e-6
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
+
+
+def test_a_limited_table_is_never_rewound_in_the_cut(winding):
+    with pytest.raises(MachineError, match="reach their limits within a cut"):
+        choose_angles(winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71), HOLD)
 
 
 def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding):

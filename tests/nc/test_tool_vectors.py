@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ FIRST = {
 }
 
 
+@cache
 def posted(path: ToolPath, controller: str, axes: str, machine: str = "mikron-ucp600") -> tuple:
     job = Job().with_values(nc={"controller": controller, "axes": axes, "machine": machine})
     chosen, dialect = read_machine(machine), job_dialect(job.nc)
@@ -37,8 +39,10 @@ def posted(path: ToolPath, controller: str, axes: str, machine: str = "mikron-uc
 PATH = capsule_path(count=120, turns=3.0)
 
 
-@pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u", "dmu-45"])
-@pytest.mark.parametrize("controller", WITH_VECTORS)
+@pytest.mark.parametrize(
+    ("controller", "machine"),
+    [*((name, "mikron-ucp600") for name in WITH_VECTORS), ("heidenhain", "hermle-c600u"), ("siemens-840d", "dmu-45")],
+)
 def test_vectors_are_written_in_every_move_and_read_back(controller, machine):
     text, chosen, dialect, _ = posted(PATH, controller, "vectors", machine)
     assert "UNPROVED" in text or "UNVERIFIED" in text
@@ -60,8 +64,9 @@ def test_a_program_of_vectors_turns_the_axes_as_one_of_angles(controller):
     assert np.abs(np.remainder(turns + np.pi, 2 * np.pi) - np.pi).max() < np.radians(0.05)
 
 
-@pytest.mark.parametrize("machine", ["mikron-ucp600", "hermle-c600u"])
-@pytest.mark.parametrize("controller", WITH_JOINTS)
+@pytest.mark.parametrize(
+    ("controller", "machine"), [*((name, "mikron-ucp600") for name in WITH_JOINTS), ("siemens-840d", "hermle-c600u")]
+)
 def test_joints_in_inverse_time_are_written_and_read_back(controller, machine):
     text, chosen, dialect, _ = posted(PATH, controller, "joints", machine)
     assert "G93" in text

@@ -40,6 +40,7 @@ from bonecam.planning.contacts import (
     useful_passes,
     whole_passes,
 )
+from bonecam.planning.spacing import MAX_STEP
 from bonecam.surface import TSpline
 from bonecam.tool import ContactPath
 from bonecam.workholding import post_below
@@ -104,7 +105,7 @@ def test_straight_moves_follow_the_offset_curve(pattern):
     path = covered(surface, pattern)
     i = joined(path)
     length = np.linalg.norm(path.centres[i + 1] - path.centres[i], axis=1)
-    assert length.max() <= job.max_step + 1e-9
+    assert length.max() <= MAX_STEP + 1e-9
     assert path.lifts.max() == 0
     for f in (0.25, 0.5, 0.75):
         centres = (1 - f) * path.centres[i] + f * path.centres[i + 1]

@@ -22,7 +22,6 @@ from bonecam.verify.removal import ACCURACY
 
 JOB = bonecam.Job().with_values(
     mechanics={"refuse": False},
-    mesh={"pits": "keep"},
     surface={"tolerance": 0.05},
     holding={"diameter": 3.0, "length": 60.0},
     levels={"roughing_depth": 1.0, "finishing_levels": 1, "finishing_depth": 0.3, "chord_tolerance": 0.05},

@@ -37,27 +37,6 @@ def joints(*places: float) -> ndarray:
     return table
 
 
-def test_a_long_move_takes_its_feed_and_one_ramp_more():
-    # 100 mm at 60 mm/min, from rest to rest: way / v + v / a
-    found = motion_minutes(MILL, joints(0.0, 100.0), np.array([100 / 60]))
-    assert found == pytest.approx([100 / 60 + 60 / 600])
-
-
-def test_a_short_move_never_reaches_its_feed():
-    found = motion_minutes(MILL, joints(0.0, 1.0), np.array([1 / 60]))
-    assert found == pytest.approx([2 * np.sqrt(1 / 600)])
-
-
-def test_a_straight_line_in_pieces_takes_as_long_as_in_one():
-    found = motion_minutes(MILL, joints(*np.linspace(0, 100, 51)), np.full(50, 2 / 60))
-    assert found.sum() == pytest.approx(100 / 60 + 60 / 600)
-
-
-def test_an_axis_that_turns_back_comes_nearly_to_rest_there():
-    found = motion_minutes(MILL, joints(0.0, 50.0, 0.0), np.full(2, 50 / 60), ControlRule(1e-6, 1e-6))
-    assert found.sum() == pytest.approx(2 * (50 / 60 + 60 / 600), rel=1e-3)
-
-
 def test_a_corner_is_passed_as_fast_as_its_tolerance_allows():
     # from X to Y at 60 mm/min: each axis changes its speed by c = 1, so v^2 = 8 a e there
     corner = np.zeros((3, 5))

@@ -11,6 +11,7 @@ from small_parts import HOLDING, ROUGHING_CUTTER, UPRIGHT_CAPSULE, grooved_pebbl
 from bonecam.arrays import angles_between, unit
 from bonecam.errors import MachineError, OrientationError
 from bonecam.job import NcJob, PathJob
+from bonecam.job.nc_section import LINK_FEED
 from bonecam.levels import RoundedLevel, StockLevel
 from bonecam.levels.measure import NO_CUT
 from bonecam.machine import MachineLimits
@@ -236,12 +237,12 @@ def entries(path: ToolPath) -> np.ndarray:
 def test_passes_are_entered_at_the_plunge_feed(case):
     _, _, path = case
     assert (path.feed_rates[entries(path)] == NcJob().plunge_feed).all()
-    assert (path.feed_rates[path.kinds == MoveKind.LINK] <= NcJob().link_feed).all()
+    assert (path.feed_rates[path.kinds == MoveKind.LINK] <= LINK_FEED).all()
 
 
 def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known():
-    """Nothing is entered by arcs and links either. Entries are straight where that is asked for, and where heights of
-    what stands are known alone."""
+    """Nothing is entered by arcs and links either. Entries are straight where heights of what stands are known
+    alone."""
     surface, contacts, scene = lump(PathJob(pattern="along"), Clamping(), ROUGHING_CUTTER, 0.0)
     stock = ConvexStock(convex_hull(scene.level.vertices), proven=True)
     known = uncut_material([level_of(surface), StockLevel(1, stock.mesh(0.01), 0.5, NO_CUT)], stock)
@@ -251,10 +252,9 @@ def test_passes_are_entered_on_arcs_at_their_feed_where_the_material_is_known():
     assert along.any()
     assert (path.feed_rates[first[along]] == path.cutter.feed).all()
     assert_nothing_is_entered(scene, path)
-    for lead_in, material in (("straight", known), ("arc", HeightMesh(scene.level))):
-        job = PathJob(pattern="along", lead_in=lead_in)
-        without = orient(contacts, scene, MIKRON, job, NcJob(), material=material)
-        assert not any(begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without))
+    job = PathJob(pattern="along")
+    without = orient(contacts, scene, MIKRON, job, NcJob(), material=HeightMesh(scene.level))
+    assert not any(begins_tangentially(without.balls[k - 1], without.balls[k : k + 2]) for k in entries(without))
 
 
 def test_passes_that_begin_in_air_are_entered_at_the_feed_of_their_cuts(monkeypatch):

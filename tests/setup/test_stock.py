@@ -7,6 +7,9 @@ place.
 The depths of the cuts and the fewest cuts there can be.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -121,56 +124,13 @@ def test_a_mesh_that_is_not_convex_is_refused_with_distance_and_place():
     assert caught.value.evidence["place"][2] == pytest.approx(9.0)
 
 
-def test_a_mesh_in_absurd_units_is_refused():
-    mesh = Box(np.zeros(3), np.full(3, 10.0)).mesh(2.0)
-    for made in (
-        lambda: ConvexStock(TriangleMesh(1e6 * mesh.vertices, mesh.faces)),
-        lambda: ConvexStock(mesh).scale(2e6),
-    ):
-        with pytest.raises(StockError, match=r"reaches 1e\+07 mm from the origin: give one in mm"):
-            made()
-
-
 def test_vertices_without_faces_are_no_part_of_a_body():
     mesh = BOX.mesh(1.0)
     stock = ConvexStock(TriangleMesh(np.vstack([BOX.middle, [99.0, 0, 0], mesh.vertices]), mesh.faces + 2))
     assert np.array_equal(stock.bounds, BOX.bounds)
 
 
-CUBE, BAR = Box(np.zeros(3), np.ones(3)).mesh(1.0), BOX.mesh(1.0)
-NO_BODIES = {
-    "two": (together(CUBE, moved(CUBE, (3, 3, 3))), "not convex"),
-    "twice": (
-        together(CUBE, CUBE),
-        r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$",
-    ),
-    "open": (TriangleMesh(BAR.vertices, BAR.faces[1:]), "not closed at"),
-    "inside out": (TriangleMesh(BAR.vertices, BAR.faces[:, ::-1]), "inside out"),
-} | {
-    f"flat {thick}": (
-        TriangleMesh(BAR.vertices * [1.0, 1.0, thick], BAR.faces),
-        "is flat and holds nothing: give a solid body",
-    )
-    for thick in (0.0, 1e-6, -1e-6)
-}
-
-
-@pytest.mark.parametrize("name", NO_BODIES)
-def test_what_is_no_single_convex_body_is_refused(name):
-    mesh, why = NO_BODIES[name]
-    with pytest.raises(StockError, match=why):
-        ConvexStock(mesh)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [lambda: Cylinder(0.0, 0.0, 1.0), lambda: Cylinder(1.0, 2.0, 1.0), lambda: Box(np.zeros(3), np.array([1.0, 1, 0]))],
-)
-def test_a_bar_without_extent_is_refused(make):
-    with pytest.raises(StockError, match="positive"):
-        make()  # type: ignore[operator]
-
-
+NAN, INF = float("nan"), float("inf")
 CAPSULE = Capsule(np.array([0.0, 0.0, 7.5]), np.array([0.0, 0.0, 29.5]), 7.5)
 
 
@@ -250,48 +210,6 @@ def test_a_given_capsule_is_centred_on_the_part():
     assert (capsule.diameter, capsule.length) == pytest.approx((15.0, 37.0))
 
 
-@pytest.mark.parametrize(
-    ("diameter", "length", "told"),
-    [
-        (15.0, 10.0, r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter"),
-        (0.0, 10.0, r"stock\.diameter = 0: .*: give the diameter"),
-        (-1.0, 3.0, r"stock\.diameter = -1: .*: give the diameter"),
-    ],
-)
-def test_a_capsule_shorter_than_its_diameter_is_refused_with_setting_and_remedy(diameter, length, told):
-    with pytest.raises(StockError, match=told):
-        capsule_of_size(diameter, length, 18.0)
-
-
-def test_an_allowance_of_nothing_is_refused():
-    with pytest.raises(StockError):
-        smallest_capsule(near_cloud(6), 0.0)
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        [0.0, 1.0],
-        [0.0, 1.0, np.nan],
-        [0.0, 1.0, np.inf],
-        [0.0, 1.0, "up"],
-        ["0", "1", "2"],
-        None,
-        [[0.0, 1.0, 2.0]],
-        [0.0, 1.0, 1e7],
-    ],
-)
-def test_ends_of_a_stock_are_three_finite_numbers(values):
-    with pytest.raises(StockError, match=r"^a capsule's end is .*: give 3 finite numbers \(mm, 1e\+06 at most\)$"):
-        finite_numbers("a capsule's end", values, 3)
-
-
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf, 1e7])
-def test_a_capsule_of_no_radius_is_refused(radius):
-    with pytest.raises(StockError, match=r"^a capsule"):
-        Capsule(CAPSULE.start, CAPSULE.end, radius)
-
-
 def test_the_papers_schedule_needs_sixteen_cuts_for_its_finger_bone():
     schedule = schedule_of(LevelsJob())
     assert [schedule.limit(k) for k in (1, 4, 5, 16)] == [0.1, 0.1, 0.5, 0.5]
@@ -310,15 +228,6 @@ def test_a_sum_of_depths_that_rounding_leaves_short_reaches():
     assert Schedule((0.1,) * 10, 0.5).lower_bound(1.0) == 10
     assert Schedule((), 0.5).lower_bound(2.000000000000013) == 4
     assert Schedule((), 0.5).lower_bound(2.0001) == 5
-
-
-@pytest.mark.parametrize(
-    "depths",
-    [((0.1, 0.0), 0.5), ((), -1.0), ((), float("nan")), ((), 1e-300), ((), float("inf")), ((float("inf"),), 0.5)],
-)
-def test_a_depth_of_nothing_or_without_end_is_refused(depths):
-    with pytest.raises(LevelError, match="finite depth of at least"):
-        Schedule(*depths)
 
 
 def test_more_cuts_than_anybody_wants_are_refused():
@@ -348,20 +257,6 @@ def test_a_list_may_be_an_array():
 
 
 @pytest.mark.parametrize(
-    ("depths", "values", "why"),
-    [
-        *((text, {}, "") for text in ("deep", "0.1;0.2", "0.1 0 0.5", "0.1 -1", "nan", "0.1 inf")),
-        ([], {}, r"\[\]: give one at least"),
-        ("0.1 0.5", {"schedule": "fewest"}, r"'0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$"),
-        ("0.1 " * 2001, {}, ".*give at most 2000; the last holds for all others"),
-    ],
-)
-def test_a_list_that_is_none_is_refused(depths, values, why):
-    with pytest.raises(JobError, match=rf"^depths = {why}"):
-        LevelsJob(depths=depths, **values)
-
-
-@pytest.mark.parametrize(
     ("levels", "finishing"),
     [
         ({}, 4),
@@ -387,3 +282,61 @@ def test_evened_cuts_share_what_the_last_had_left(beyond, share, count, left):
     even = even_out(Schedule(first, beyond), distance, 2 + count + 1, rest)
     assert even.beyond <= beyond
     assert distance - sum(first) - count * share * even.beyond == pytest.approx(min(even.beyond, distance))
+
+
+CUBE, BAR, BLOCK = (box.mesh(2.0) for box in (Box(np.zeros(3), np.ones(3)), BOX, Box(np.zeros(3), np.full(3, 10.0))))
+ABSURD = r"reaches 1e\+07 mm from the origin: give one in mm"
+FLAT = "is flat and holds nothing: give a solid body"
+NO_SINGLE = r"no single convex body: its faces hold 2\.0 mm3, their convex hull 1\.0: give the hull$"
+SHORT = r"stock\.length = 10: .* diameter 15 mm .*: give at least 15, or a smaller stock\.diameter"
+NO_ENDS = [[0.0, 1.0], [0.0, 1.0, NAN], [0.0, 1.0, INF], [0.0, 1.0, "up"], ["0", "1", "2"], None, [[0.0, 1.0, 2.0]]]
+NO_DEPTHS = [((0.1, 0.0), 0.5), ((), -1.0), ((), NAN), ((), 1e-300), ((), INF), ((INF,), 0.5)]
+REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
+    (lambda: ConvexStock(TriangleMesh(1e6 * BLOCK.vertices, BLOCK.faces)), StockError, ABSURD),
+    (lambda: ConvexStock(BLOCK).scale(2e6), StockError, ABSURD),
+    (lambda: ConvexStock(together(CUBE, moved(CUBE, (3, 3, 3)))), StockError, "not convex"),
+    (lambda: ConvexStock(together(CUBE, CUBE)), StockError, NO_SINGLE),
+    (lambda: ConvexStock(TriangleMesh(BAR.vertices, BAR.faces[1:])), StockError, "not closed at"),
+    (lambda: ConvexStock(TriangleMesh(BAR.vertices, BAR.faces[:, ::-1])), StockError, "inside out"),
+    *(
+        (partial(ConvexStock, TriangleMesh(BAR.vertices * [1.0, 1.0, thick], BAR.faces)), StockError, FLAT)
+        for thick in (0.0, 1e-6, -1e-6)
+    ),
+    (lambda: Cylinder(0.0, 0.0, 1.0), StockError, "positive"),
+    (lambda: Cylinder(1.0, 2.0, 1.0), StockError, "positive"),
+    (lambda: Box(np.zeros(3), np.array([1.0, 1, 0])), StockError, "positive"),
+    (lambda: capsule_of_size(15.0, 10.0, 18.0), StockError, SHORT),
+    (lambda: capsule_of_size(0.0, 10.0, 18.0), StockError, r"stock\.diameter = 0: .*: give the diameter"),
+    (lambda: capsule_of_size(-1.0, 3.0, 18.0), StockError, r"stock\.diameter = -1: .*: give the diameter"),
+    (lambda: smallest_capsule(near_cloud(6), 0.0), StockError, "allowance"),
+    *(
+        (
+            partial(finite_numbers, "an end", ends, 3),
+            StockError,
+            r"^an end is .*: give 3 finite numbers \(mm, 1e\+06 at",
+        )
+        for ends in (*NO_ENDS, [0.0, 1.0, 1e7])
+    ),
+    *(
+        (partial(Capsule, CAPSULE.start, CAPSULE.end, radius), StockError, "^a capsule")
+        for radius in (0.0, -1.0, NAN, INF, 1e7)
+    ),
+    *((partial(Schedule, *depths), LevelError, "finite depth of at least") for depths in NO_DEPTHS),
+    *(
+        (partial(LevelsJob, depths=text), JobError, "^depths = ")
+        for text in ("deep", "0.1;0.2", "0.1 0 0.5", "0.1 -1", "nan", "0.1 inf")
+    ),
+    (lambda: LevelsJob(depths=[]), JobError, r"^depths = \[\]: give one at least"),
+    (
+        lambda: LevelsJob(depths="0.1 0.5", schedule="fewest"),
+        JobError,
+        r"^depths = '0\.1 0\.5': .*schedule = 'fewest'.* leave one of them out$",
+    ),
+    (lambda: LevelsJob(depths="0.1 " * 2001), JobError, "^depths = .*give at most 2000; the last holds for all others"),
+]
+
+
+@pytest.mark.parametrize(("make", "error", "why"), REFUSED)
+def test_what_is_no_stock_and_no_schedule_is_refused(make, error, why):
+    with pytest.raises(error, match=why):
+        make()

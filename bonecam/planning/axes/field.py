@@ -25,19 +25,6 @@ A field of tool axes over the parameters of a level or a surface: splines for th
 Both splines are bicubic, periodic in s where the surface is closed round. On a machine with a turning table theta and
 phi are, but for signs and offsets, the angles of the two rotary axes: what is smooth here turns the machine smoothly.
 
-The elastic energy of a field of tool axes on the facets of the contacts (Xu et al. 2013, Eq. 22).
-
-With the angle theta of a rotary axis of speed w and the feed v, the energy of that axis is
-
-    v^2 / (w^2 area) (alpha int |grad theta|^2 + beta (1 mm)^2 int (laplacian theta)^2)
-
-so that the first integral is the mean square of the axis's rate over moves in two directions at right angles. It is a
-square form of the field's control values, x K x + 2 g x: with K = R^T R its residuals are R x + R^-T g. Differs from
-the paper in:
-
-1. The angles of the machine are smoothed, which cost time, not components of the axes.
-2. The azimuth is that of the field, which may wind round the part: g is of this winding.
-
 The elastic energy of a field of tool axes, as residuals of a least-squares problem.
 
 With the turn D of a rotary axis of speed w over a move that takes the time T at the feed, the rate is D / (w T); 1
@@ -73,7 +60,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import BSpline
-from scipy.linalg import cholesky, solve, solve_triangular, solveh_banded
+from scipy.linalg import solve, solveh_banded
 from scipy.sparse import csr_array, eye_array, kron, vstack
 
 from bonecam.arrays import AXIS_QUANTUM, dots, frozen, lengths, settled, unit
@@ -81,7 +68,7 @@ from bonecam.job import PathJob
 from bonecam.kernels.matrices import add_pairs, csr_parts, width
 from bonecam.levels.measure import MachinedLevel
 from bonecam.machine.limits import MachineLimits, polar_angles, rotary_turns
-from bonecam.mesh.facets import ElasticEnergy, delaunay, voronoi_areas
+from bonecam.mesh.facets import delaunay, voronoi_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.axes.cones import AxisCones, admissible_cones, verified_cones
 from bonecam.planning.axes.tool_axes import WantedAxes
@@ -146,11 +133,6 @@ class ContactFacets:
     def found(self) -> Bool[ndarray, " n"]:
         """Which contacts have facets."""
         return self.vertex_of >= 0
-
-    @cached_property
-    def energy(self) -> ElasticEnergy:
-        """Eq. 22 on the facets."""
-        return ElasticEnergy.of(self.mesh)
 
     @cached_property
     def areas(self) -> Float[ndarray, " n"]:
@@ -291,37 +273,6 @@ def _clamped(interval: tuple[float, float], count: int) -> Float[ndarray, " k"]:
     return np.concatenate([np.full(DEGREE, low), inner, np.full(DEGREE, high)])
 
 
-LEAST = 1e-9
-"""Of K's mean diagonal, added to it: control values far from all contacts have none."""
-
-
-@dataclass(frozen=True, eq=False)
-class FacetEnergy:
-    """Residuals `matrix` x + `wound` of an angle's control values x (c), radians a mm: `wound` is that of an azimuth
-    that winds once round. `feed` is the cutter's, mm/min."""
-
-    matrix: csr_array
-    wound: Float[ndarray, " c"]
-    feed: float
-
-    @classmethod
-    def of(cls, facets: ContactFacets, domain: FieldDomain, alpha: float, beta: float) -> "FacetEnergy":
-        """The energy with weights alpha and beta of membrane and thin plate."""
-        parameters = facets.path.parameters[facets.contact_of]
-        values_at = basis(parameters, domain)
-        form = facets.energy.matrix(alpha, beta) / facets.mesh.area
-        K = (values_at.T @ form @ values_at).toarray()
-        K[np.diag_indices_from(K)] += LEAST * np.trace(K) / len(K)
-        R = cholesky(K)
-        round_ = domain.round(parameters[:, 0])
-        # the rows of the form sum to zero: of each pair of vertices the difference counts, the short way round
-        pairs = form.tocoo()
-        apart = np.mod(round_[pairs.col] - round_[pairs.row] + 0.5, 1.0) - 0.5
-        pull = np.bincount(pairs.row, pairs.data * 2 * np.pi * apart, len(round_))
-        wound = solve_triangular(R, values_at.T @ pull, trans="T")
-        return cls(csr_array(R), wound, facets.path.cutter.feed)
-
-
 SPEED_SHARE = 0.9
 """Rates above this are what the field is freed of first."""
 SPEED_WEIGHT = 60.0
@@ -364,7 +315,7 @@ class AxisEnergy:
 
     Move k leads from sample `moves[k]` to the next and takes `times[k]` (min) at the feed; `speeds` are those of
     azimuth and polar angle, rad/min. `areas` (mm^2) of the samples weigh their bounds, all alike where none are
-    given; `facets` is the energy on those between all contacts.
+    given.
     """
 
     parameters: Float[ndarray, "n 2"]
@@ -376,7 +327,6 @@ class AxisEnergy:
     speeds: tuple[float, float]
     bounds: AxisBounds
     areas: Float[ndarray, " n"] | None = None
-    facets: FacetEnergy | None = None
 
     @cached_property
     def values_at(self) -> csr_array:
@@ -399,8 +349,6 @@ class AxisEnergy:
     def bandwidth(self) -> int:
         """How many diagonals the lower band of the normal equations of both angles has."""
         matrices = [self.values_at, self.steps, self.roughness]
-        if self.facets is not None:
-            matrices.append(self.facets.matrix)
         return 2 * max(width(*csr_parts(matrix)[:2]) for matrix in matrices)
 
     @cached_property
@@ -415,7 +363,7 @@ class AxisEnergy:
         return wound + self.values_at @ values[0], self.values_at @ values[1]
 
     def residuals(self, values: Float[ndarray, "2 c"]) -> tuple["Residuals", ...]:
-        """The residuals of moves, of samples, of second differences, and on facets."""
+        """The residuals of moves, of samples, and of second differences."""
         rough = (self.roughness @ values.T).T
         each = np.ones(rough.shape[1])
         roughness = Residuals.of(self.roughness, [(rough[0], each, 0 * each), (rough[1], 0 * each, each)])
@@ -434,18 +382,7 @@ class AxisEnergy:
             slope = SPEED_WEIGHT * np.sign(rate) * (over > 0) * scale
             for residual, by_angle in ((WEIGHTS[0] * rate, WEIGHTS[0] * scale), (SPEED_WEIGHT * over, slope)):
                 residuals.append((residual, none, by_angle) if angle else (residual, by_angle, none))
-        parts = Residuals.of(self.steps, residuals), self._bounds(*self.angles(values)), roughness
-        return parts if self.facets is None else (*parts, self._on_facets(values, self.facets))
-
-    def _on_facets(self, values: Float[ndarray, "2 c"], facets: FacetEnergy) -> "Residuals":
-        """The elastic energy on the facets, in rates."""
-        residuals: list[Residual] = []
-        each = np.ones(facets.matrix.shape[0])
-        for angle, wound in ((0, self.winding * facets.wound), (1, 0.0)):
-            scale = facets.feed / self.speeds[angle]
-            slopes = (scale * each, 0 * each)
-            residuals.append((scale * (facets.matrix @ values[angle] + wound), *slopes[:: -1 if angle else 1]))
-        return Residuals.of(facets.matrix, residuals)
+        return Residuals.of(self.steps, residuals), self._bounds(*self.angles(values)), roughness
 
     def _bounds(self, azimuth: Float[ndarray, " n"], polar: Float[ndarray, " n"]) -> "Residuals":
         """What angles exceed their bounds by, and how far axes are outside their cones."""
@@ -546,8 +483,7 @@ def axis_energy(
     job: PathJob,
     facets: ContactFacets | None,
 ) -> AxisEnergy:
-    """The energy at the contacts `rows`, as yet without their cones, and on the facets; without facets all samples
-    count alike."""
+    """The energy at the contacts `rows`, as yet without their cones; without facets all samples count alike."""
     path = cones.path
     centres, passes = path.centres[rows], path.pass_index[rows]
     normals = path.normals[rows]
@@ -559,7 +495,6 @@ def axis_energy(
         horizontal = normals[:, 0] + 1j * normals[:, 1]
         turned = np.exp(2j * np.pi * domain.round(path.parameters[rows, 0]))
         winding = 1 if abs((horizontal * turned.conj()).sum()) >= abs((horizontal * turned).sum()) else -1
-    elastic = job.membrane, job.thin_plate
     return AxisEnergy(
         parameters=path.parameters[rows],
         normals=normals,
@@ -570,7 +505,6 @@ def axis_energy(
         speeds=(limits.turn_speed, limits.tilt_speed),
         bounds=_bounds(normals, cones.largest_polar[rows], limits, job),
         areas=None if facets is None else np.add.reduceat(facets.areas, rows),
-        facets=FacetEnergy.of(facets, domain, *elastic) if facets is not None and any(elastic) else None,
     )
 
 

@@ -74,9 +74,7 @@ def harmonic_rows_layer(layers: Layers, values: Mapping[str, Any], progress: Pro
 
     job = section_of(MeshJob(), values)
     mesh = layers.bone()
-    rows = harmonic_rows(
-        mesh, rows=job.rows, points=job.row_points, edge=mesh.diagonal * job.edge_percent / 100, progress=progress
-    )
+    rows = harmonic_rows(mesh, rows=job.rows, progress=progress)
     count, points = rows.points.shape[:2]
     index = np.arange(count * points).reshape(count, points)
     edges = np.stack([index, np.roll(index, -1, axis=1)], axis=-1).reshape(-1, 2)
@@ -144,7 +142,18 @@ FILTERS = (
         "as a new layer: the cutter leaves that material anyway, and levels over a pit would fold. The layer is "
         "closed and in mm; nothing moves inward.",
         CATEGORY,
-        parameters_of(MeshJob(pit_radius=FINISHING.radius), only=("pit_radius",)),
+        (
+            FilterParameter(
+                "pit_radius",
+                Kind.LENGTH,
+                FINISHING.radius,
+                "Pit radius",
+                "Radius of the ball that pits are filled up to.",
+                unit="mm",
+                low=0.0,
+                high=50.0,
+            ),
+        ),
         fill_pits_layer,
     ),
     Filter(
@@ -163,7 +172,7 @@ FILTERS = (
         "the other. On a closed genus-0 "
         "mesh each isoline is one loop. They come as a layer of closed polylines coloured by row.",
         CATEGORY,
-        parameters_of(MeshJob(), only=("rows", "row_points", "edge_percent")),
+        parameters_of(MeshJob(), only=("rows",)),
         harmonic_rows_layer,
         references=(
             "Dong, Kircher, Garland: Harmonic functions for quadrilateral remeshing of arbitrary "

@@ -50,7 +50,7 @@ FILTERS = (
         CATEGORY,
         (
             *parameters_of(SurfaceJob()),
-            *parameters_of(MeshJob(), only=("rows", "row_points", "edge_percent")),
+            *parameters_of(MeshJob(), only=("rows",)),
             *parameters_of(LevelsJob(), only=("chord_tolerance",)),
         ),
         fit_tspline,

@@ -182,7 +182,7 @@ def test_contradicting_rows_are_an_error():
 
 COARSE = Job().with_values(
     mechanics={"refuse": False},
-    mesh={"rows": 8, "row_points": 24},
+    mesh={"rows": 8},
     surface={"tolerance": 0.5, "largest_deviation": 1.0, "max_control_points": 60},
     holding={"diameter": 4.0, "length": 110.0},
     path={"orientation": "lead"},

@@ -379,7 +379,7 @@ def test_strips_and_fans_of_a_glb_are_triangles_that_face_outward(mode, named, t
 
 def test_a_stated_unit_is_used_and_another_one_refused_where_it_makes_a_part(tmp_path):
     (tmp_path / "m.glb").write_bytes(glb())
-    part = prepare_part(tmp_path / "m.glb", MeshJob(pits="keep"))
+    part = prepare_part(tmp_path / "m.glb", MeshJob())
     assert part.units == "m"
     assert part.mesh.volume == pytest.approx(MESH.volume, rel=1e-5)
     with pytest.raises(UnitsError, match="states its unit itself and was read in m: leave out --units cm"):

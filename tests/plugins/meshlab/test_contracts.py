@@ -20,7 +20,7 @@ EVERY = pytest.mark.parametrize("item", OURS, ids=lambda item: item.name)
 QUICK: dict[str, dict[str, Any]] = {
     "generate_stock": {"kind": "box", "allowance": 0.6},
     "generate_stock_capsule": {"allowance": 0.6},
-    "compute_tspline_surface": {"tolerance": 0.2, "rows": 12, "row_points": 40, "edge_percent": 4.0},
+    "compute_tspline_surface": {"tolerance": 0.2, "rows": 12},
     "generate_morph_levels": {"finishing_levels": 1, "finishing_depth": 0.5, "roughing_depth": 2.5},
     "generate_toolpath": {"roughing_scallop": 0.5, "finishing_scallop": 0.4, "chord_tolerance": 0.02},
 }

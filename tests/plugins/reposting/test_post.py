@@ -12,6 +12,7 @@ from bonecam.cli import main
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
 from bonecam.files import whole_folder
 from bonecam.job import Job, write_job
+from bonecam.job.nc_section import LINK_FEED
 from bonecam.machine import read_machine
 from bonecam.mesh import write_mesh
 from bonecam.nc import read_dialect, read_program
@@ -84,7 +85,7 @@ def test_cuts_faster_than_a_slower_spindle_allows_stay_cuts_and_are_slowed(marke
 
 def test_moves_as_fast_as_links_are_links_where_no_mark_tells(part, tmp_path):
     paths = apt(tmp_path)
-    lines = paths.read_text().replace("300.0", f"{JOB.nc.link_feed}").splitlines()
+    lines = paths.read_text().replace("300.0", f"{LINK_FEED}").splitlines()
     lines.insert(len(lines) - 5, "FEDRAT/MMPM,300.0")
     paths.write_text("\n".join(lines))
     made = bonecam.post(paths, part, JOB)

@@ -12,6 +12,7 @@ from bonecam_plugins.study.axes import (
     candidate_axes,
     candidate_frames,
     choose,
+    elastic_energy,
     published_axes,
     semi_angles,
     weighted_offsets,
@@ -23,7 +24,7 @@ from bonecam.arrays import dots
 from bonecam.job import NcJob, PathJob
 from bonecam.machine import MachineLimits
 from bonecam.mesh import Curvature, TriangleMesh, delaunay, vertex_normals
-from bonecam.mesh.facets import ElasticEnergy, voronoi_areas
+from bonecam.mesh.facets import voronoi_areas
 from bonecam.planning import orient
 from bonecam.planning.axes.field import contact_facets
 from bonecam.tool import MoveKind
@@ -97,7 +98,7 @@ LIMITS = MachineLimits(np.radians(115.0))
 JOB = PathJob(pattern="along", orientation="published")
 GRID = np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) * 0.5
 FLAT = TriangleMesh(np.column_stack([GRID, np.zeros(len(GRID))]), delaunay(GRID))
-ENERGY = ElasticEnergy.of(FLAT).matrix(1.0, 0.0)
+ENERGY = elastic_energy(FLAT)
 AREAS = voronoi_areas(FLAT)
 FAN = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8]])
 CANDIDATES = np.tile(FAN, (len(GRID), 1, 1))
@@ -159,3 +160,13 @@ def test_contacts_on_a_line_get_the_surface_s_normals(case):
     line = contacts.take(np.flatnonzero(contacts.pass_index == contacts.pass_index[len(contacts.pass_index) // 2])[:2])
     axes = published_axes(line, surface, scene, LIMITS, JOB)
     assert np.array_equal(axes, line.normals)
+
+
+def test_the_membrane_of_a_linear_value_is_half_its_slope_squared_times_the_area():
+    """Wherever the mesh lies; a constant has none."""
+    value = 3 * GRID[:, 0] - 4 * GRID[:, 1]
+    turn = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
+    for mesh in (FLAT, TriangleMesh(FLAT.vertices @ turn.T, FLAT.faces)):
+        energy = elastic_energy(mesh)
+        assert value @ energy @ value / 2 == pytest.approx(25 / 2 * np.ptp(GRID[:, 0]) * np.ptp(GRID[:, 1]))
+        assert np.abs(energy @ np.ones(len(GRID))).max() < 1e-9
