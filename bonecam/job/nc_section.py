@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bonecam.job.parameter import JobSection, parameter
+from bonecam.job.parameter import JobSection, millimetres, parameter
 from bonecam.job.tool_list import ENDINGS
 
 FARTHEST = 1e5

@@ -82,7 +82,7 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
         tools[one.path.cutter.number] += float(one.driven_minutes.sum())
     feed, axes = sum(float(one.minutes.sum()) for one in posted), sum(tools.values())
     minutes = tuple(tools.values())
-    blank = sum(float(one.driven_minutes.sum()) for one in posted if one.path.level == BLANK)
+    blank = sum((float(one.driven_minutes.sum()) for one in posted if one.path.level == BLANK), 0.0)
     assumed = machine.time_assumed
     if not machine.knows_accelerations or machine.seconds is None:
         known = axes if machine.knows_accelerations else None

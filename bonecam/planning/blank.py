@@ -156,8 +156,8 @@ class Lathe:
         while high - low > LEAST:
             middle = (low + high) / 2
             low, high = (middle, high) if (there & (clear - over(middle) > LEAST)).any() else (low, middle)
-        layers = np.linspace(high, 0.0, int(np.ceil(high / self.depth)) + 1)[1:] if high > LEAST else []
-        for more in chain(layers, repeat(0.0)):
+        count = int(np.ceil(high / self.depth)) if high > LEAST else 0
+        for more in chain(np.linspace(high, 0.0, count + 1)[1:].tolist(), repeat(0.0)):
             after = np.where(there, np.clip(over(more), self.reached(before), before), before)
             cuts = before - after > LEAST
             edges = np.flatnonzero(np.diff(np.r_[False, cuts, False]))
