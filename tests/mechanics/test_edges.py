@@ -147,26 +147,6 @@ def test_the_load_lies_ahead_of_the_centre_and_below_it():
     assert (away[:, 2] < -RADIUS + 1.0).all()
 
 
-HOLDER = (Frustum(50.0, 20.0, 20.0),)
-
-
-def ball(radius, flutes, shank, overhang):
-    return Cutter(1, "finishing", radius, flutes, shank, overhang, HOLDER, 4500.0, 900.0, 0.01)
-
-
-def test_a_straight_shank_bends_as_a_cantilever_from_the_balls_centre():
-    made = ball(1.0, 1.0, 2.0, 25.0)  # no flutes above the ball
-    second = np.pi / 4
-    assert cutter_compliance(made) == pytest.approx(24.0**3 / (3 * CARBIDE * second), rel=1e-12)
-
-
-def test_flutes_and_shank_are_steps_of_one_beam():
-    made = ball(1.0, 4.0, 4.0, 15.0)
-    flutes = 3.0**3 / (3 * np.pi / 4 * CORE**4)
-    shank = (14.0**3 - 3.0**3) / (3 * np.pi / 4 * 2.0**4)
-    assert cutter_compliance(made) == pytest.approx((flutes + shank) / CARBIDE, rel=1e-12)
-
-
 @pytest.mark.parametrize(("name", "most"), [("roughing", 0.5e-3), ("finishing", 2.5e-3)])
 def test_the_default_cutters_bend_by_mohrs_integral(name, most):
     cutter = Cutter.from_job(1, name, Job().tool(name))

@@ -379,8 +379,8 @@ def test_a_nose_about_as_wide_as_the_tool_is_long_is_proven_free_above_the_part(
     assert not proven(cutter, open_, sunk, UP)
 
 
-@pytest.mark.parametrize("allowed", [0.004, 0.01, 0.05])
-@pytest.mark.parametrize("apart", [0.0, 0.003, 0.007, 0.012, 0.05])
+@pytest.mark.parametrize("allowed", [0.004, 0.05])
+@pytest.mark.parametrize("apart", [0.0, 0.007, 0.05])
 def test_flutes_go_into_the_part_no_deeper_than_the_gouge_tolerance_leaves_them(allowed, apart):
     part = MeshDistance(pebble().tessellate(part_chord(allowed)))
     held, slack = held_level(level_of(pebble(apart), 1), part, allowed)
