@@ -28,6 +28,10 @@ def no_work(monkeypatch):
     monkeypatch.setattr(job_levels, "fit_surface", fitted)
 
 
+CUTTERS = {"roughing": {"preset": "ball-4"}, "finishing": {"preset": "ball-2"}, "fine": {"preset": "ball-1"}}
+"""Those of the default sections, so that none are sought."""
+
+
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize(
     ("changes", "named"),
@@ -103,15 +107,6 @@ def no_work(monkeypatch):
             r"539 mm are needed along Z, its travel is 450 mm: .* a shorter post or tool",
         ),
         (
-            {
-                "stock": {"length": 390.0, "diameter": 20.0},
-                "holding": {"diameter": 4.0, "length": 107.0},
-                "levels": {"roughing_depth": 0.5},
-                "mechanics": {"refuse": False},
-            },
-            "mm are needed along Z, its travel is 450 mm",
-        ),
-        (
             {"holding": {"diameter": 4.0, "length": 107.0}},
             r"the neck does not hold: .* that of 4 x 107 mm .*: give holding\.diameter = 0, which finds one",
         ),
@@ -120,7 +115,7 @@ def no_work(monkeypatch):
 )
 def test_an_absurd_job_is_refused_before_the_surface_is_fitted(changes, named, tmp_path):
     with pytest.raises(BonecamError, match=named) as caught:
-        bonecam.convert(shipped("phalanx"), Job().with_values(**changes), program=tmp_path / "bone.h")
+        bonecam.convert(shipped("phalanx"), Job().with_values(**CUTTERS | changes), program=tmp_path / "bone.h")
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
 

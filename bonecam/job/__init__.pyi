@@ -6,6 +6,7 @@ from .levels_section import LevelsJob as LevelsJob
 from .materials.preset import MechanicsJob as MechanicsJob
 from .mesh_section import MeshJob as MeshJob
 from .mesh_section import SurfaceJob as SurfaceJob
+from .nc_section import LINK_FEED as LINK_FEED
 from .nc_section import NcJob as NcJob
 from .path_section import OF_MORPH as OF_MORPH
 from .path_section import PathJob as PathJob

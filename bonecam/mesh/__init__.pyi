@@ -3,6 +3,7 @@ from .distance import barycentric as barycentric
 from .distance import exact_closest as exact_closest
 from .facets import Curvature as Curvature
 from .facets import SurfaceShape as SurfaceShape
+from .facets import cotangent_weights as cotangent_weights
 from .facets import delaunay as delaunay
 from .facets import mls_curvature as mls_curvature
 from .facets import vertex_normals as vertex_normals

@@ -20,8 +20,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, counted
 from bonecam.files import check_files, required_text, write_whole
-from bonecam.job import Job, NcJob
-from bonecam.job.nc_section import LINK_FEED
+from bonecam.job import LINK_FEED, Job, NcJob
 from bonecam.machine.check import reach_text
 from bonecam.machine.kinematics import inverse_rotary, within_limits
 from bonecam.machine.limits import polar_angles

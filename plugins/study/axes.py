@@ -44,8 +44,15 @@ from scipy.sparse.linalg import splu
 from bonecam.arrays import dots, lengths, unit
 from bonecam.job import PathJob
 from bonecam.machine import MachineLimits, polar_angles
-from bonecam.mesh import Curvature, TriangleMesh, heights_above, mls_curvature, vertex_normals, voronoi_areas
-from bonecam.mesh.facets import cotangent_weights
+from bonecam.mesh import (
+    Curvature,
+    TriangleMesh,
+    cotangent_weights,
+    heights_above,
+    mls_curvature,
+    vertex_normals,
+    voronoi_areas,
+)
 from bonecam.planning import SINGULAR_CONE, CollisionChecker, ContactFacets, Scene, contact_facets, within_limits
 from bonecam.surface import TSpline
 from bonecam.tool import ContactPath

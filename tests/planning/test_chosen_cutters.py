@@ -47,16 +47,16 @@ def phalanx():
 def test_what_a_ball_leaves_in_a_groove_is_the_closing_by_it():
     """A right-angled groove round a waist: the ball that touches both its sides stays R (sqrt 2 - 1) off its bottom.
     Depths are those at the middles of faces, R / 2 long at most."""
-    radii, heights = np.array([[10.0, 0.0], [10.0, 6.0], [8.0, 8.0], [10.0, 10.0], [10.0, 16.0]]).T
-    part = revolve(radii, heights, (0.0, 16.0), 180)
+    radii, heights = np.array([[5.0, 0.0], [5.0, 2.5], [3.5, 4.0], [5.0, 5.5], [5.0, 8.0]]).T
+    part = revolve(radii, heights, (0.0, 8.0), 120)
     hollows = Hollows(part, Post(2.0, 1.0))
-    for radius in (0.5, 1.0):
+    for radius in (0.8, 1.0):
         exact = radius * (np.sqrt(2) - 1)
         assert 0.75 * exact < hollows.deepest(radius) < 1.01 * exact
         wide = radius  # along each side, from the bottom to where the ball touches it
-        band = 2 * 2 * np.pi * (8 + wide / np.sqrt(8)) * wide
+        band = 2 * 2 * np.pi * (3.5 + wide / np.sqrt(8)) * wide
         assert hollows.deeper(radius, 1e-4) == pytest.approx(band, rel=0.12)
-    assert not hollows.clean(0.5)
+    assert not hollows.clean(0.8)
     thirds = hollows.deeper(1.0, SHALLOW) + hollows.deeper(1.0, 0.15) + hollows.deeper(1.0, 0.3)
     assert hollows.steps(1.0, 0.15) == pytest.approx(thirds)
 
