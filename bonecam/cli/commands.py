@@ -4,6 +4,7 @@ import argparse
 import json
 from contextlib import nullcontext
 from functools import partial
+from pathlib import Path
 
 import bonecam
 from bonecam.cli.catalogues import CATALOGUES, run_catalogue
@@ -33,12 +34,21 @@ from bonecam.cli.command import (
 )
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
-from bonecam.job import write_job, write_short_job
+from bonecam.job import field_error, write_job, write_short_job
 from bonecam.plugins import all_added
 
 
 def run_convert(options: argparse.Namespace) -> int:
-    """`bonecam convert`: the NC program of a part."""
+    """`bonecam convert`: the NC program of a part; with --whole that of its second clamping too."""
+    if getattr(options, "whole", False):
+        # a shell round half of the part, beside the program
+        job = job_of(options)
+        if job.holding.second:
+            raise field_error("holding", "second", job.holding.second, "--whole makes a shell: leave one of them out")
+        shell = Path(options.program).with_suffix(".shell.stl")
+        check_files([shell, options.program], [options.mesh, *input_files(options)])
+        bonecam.clamping_shell(options.mesh, job, output=shell)
+        options.set = [*options.set, "holding.parting=true", f"holding.second={shell}"]
     return make(bonecam.convert, options)
 
 
@@ -192,9 +202,23 @@ COMMANDS: dict[str, Command] = {
     "convert": Command(
         run_convert,
         "Make the verified NC program of a part.",
-        [PART, PROGRAM, *KEPT, *RESULTS, *JOB, *VERBOSITY],
+        [
+            PART,
+            PROGRAM,
+            argument(
+                "--whole",
+                action="store_true",
+                help="cut the stump of the post off too: writes a shell that holds the parted part (bone.shell.stl), "
+                "and a second program (bone.second.h)",
+            ),
+            *KEPT,
+            *RESULTS,
+            *JOB,
+            *VERBOSITY,
+        ],
         examples="""
   bonecam convert bone.stl --units m -o bone.h
+  bonecam convert bone.stl --units m -o bone.h --whole
   bonecam convert bone.stl -o bone.h --set stock.diameter=15 --set stock.length=37 --keep look --report bone.json
   bonecam convert bone.stl -o bone.ngc --machine linuxcnc-xyzbc""",
     ),

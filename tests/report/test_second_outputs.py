@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_job import SMALL, SMALL_CAPSULE
 
 from bonecam.cli import main
 from bonecam.errors import FileError
+from bonecam.job import write_job
 from bonecam.machine import read_machine
 from bonecam.mesh import TriangleMesh, read_mesh, write_mesh
 from bonecam.nc import read_program
@@ -320,3 +322,14 @@ def test_simulate_refuses_a_second_text_that_is_not_the_kept_one_or_cuts_with_a_
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == 1
         assert told in lines[0]
+
+
+def test_one_command_makes_shell_and_both_programs(tmp_path, capsys):
+    part, job = tmp_path / "bone.stl", tmp_path / "job.toml"
+    write_mesh(SMALL_CAPSULE.mesh(0.05), part)
+    job.write_text(write_job(SMALL), encoding="utf-8")
+    command = ["convert", str(part), "-o", str(tmp_path / "bone.h"), "--whole", "--job", str(job)]
+    assert main(command) == 0
+    assert {"bone.h", "bone.second.h", "bone.shell.stl"} <= {path.name for path in tmp_path.iterdir()}
+    assert main([*command, "--set", "holding.parting=true", "--set", "holding.second=own.stl"]) == 2
+    assert "--whole makes a shell: leave one of them out" in capsys.readouterr().err
