@@ -63,7 +63,7 @@ def test_a_fine_cutter_cuts_the_hollow_that_the_finishing_ball_does_not_enter(tm
     assert parting["bridge_diameter_mm"] == pytest.approx(1.5)
     assert parting["stump_height_mm"] == pytest.approx(1.0, abs=0.05)
     assert "a bridge of 1.50 mm holds the part" in made.summary
-    assert f"parting Z {parting['z_mm']:.2f}" in made.sheet
+    assert f"parting Z {parting['z_mm'] - made.program.zero_height:.2f}" in made.sheet
     assert len(made.report["toolpath"]) == len(on_levels)
 
 
