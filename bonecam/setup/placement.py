@@ -189,8 +189,9 @@ def _place(part: Part, job: Job, body: ConvexStock | None) -> Setup:
 
     stock, pose = stock_of(job.stock)
     if job.holding.neck == MILLED and isinstance(stock, Capsule) and not job.stock.diameter:
-        # the bar itself, between the caps
-        stock, pose = stock_of(replace(job.stock, diameter=job.holding.stub_diameter or next_bar(stock.diameter)))
+        # the bar itself, between the caps; one that is too thin is refused with its own name later
+        bar = max(job.holding.stub_diameter or next_bar(stock.diameter), stock.diameter)
+        stock, pose = stock_of(replace(job.stock, diameter=bar))
     if job.mesh.upright and may_centre(job.stock):
         pose = centring_shift(part.mesh.move(pose).vertices, stock, MARGIN) @ pose
 

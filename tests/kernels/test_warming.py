@@ -50,7 +50,7 @@ def test_kernels_are_compiled_once_for_all_that_come_later(tmp_path):
     kept = {"NUMBA_CACHE_DIR": str(tmp_path)}
     where = Path(run("-c", "from bonecam.kernels.warming import kept_in; print(kept_in())", **kept).strip())
     assert tmp_path in where.parents
-    code = "import bonecam.kernels.warming as w\nw.call_in_worker = lambda *_, **__: print('asked')\n"
+    code = "import bonecam.kernels.warming as w\nw.call_in_worker = lambda *_, **__: print('asked\\n', end='')\n"
     code += "w.cores = lambda: 2\nwith w.warming(lambda *_: True): pass\n"
     assert run("-c", code, **kept) == "asked\nasked\n"
     assert run("-c", code, **kept) == ""

@@ -101,7 +101,7 @@ def test_a_package_that_does_not_load_is_one_line_and_all_else_works(tmp_path):
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(BROKEN)
-    done = run(tmp_path, "-m", "bonecam", "job")
+    done = run(tmp_path, "-m", "bonecam", "job", "--all")
     assert "[warnings]" in done.stdout
     lines = done.stderr.splitlines()
     assert len(lines) == 2, "a command and a section"
@@ -109,7 +109,7 @@ def test_a_package_that_does_not_load_is_one_line_and_all_else_works(tmp_path):
         "no_such_module" in line and "of broken: cannot be loaded: ModuleNotFoundError" in line for line in lines
     )
     there = {**os.environ, "PYTHONPATH": str(tmp_path), "BONECAM_NO_PLUGINS": "1"}
-    alone = subprocess.run([sys.executable, "-m", "bonecam", "job"], env=there, capture_output=True, text=True)
+    alone = subprocess.run([sys.executable, "-m", "bonecam", "job", "--all"], env=there, capture_output=True, text=True)
     assert alone.stderr == ""
     assert "iso-height" in done.stdout
     assert "iso-height" not in alone.stdout
