@@ -108,7 +108,7 @@ def stand_part(
         guesses = warnings.repair_warnings(unplaced.widest_hole, unplaced.guessed_share, job, changes)
         warnings.check_warnings(guesses, job, unplaced.file)
         limits = machine_limits(machine or read_machine(job.nc.machine))
-        job = settled_neck(job)
+        neck, job = job.holding.neck, settled_neck(job)
         seeks_post, seeks_cutters = not job.holding.length, leaves_cutters_open(job)
         filled = unplaced if seeks_cutters else with_filled_pits(unplaced, job.smallest_ball)
         placed = place(filled, job, body)
@@ -117,6 +117,7 @@ def stand_part(
         job, chosen = with_chosen_cutters(placed, job, limits)
         if seeks_cutters:
             filled = with_filled_pits(unplaced, job.smallest_ball)
+            job = settled_neck(job.with_values(holding={"neck": neck}))  # the ball that mills it is known
             placed = place(filled, job, body)
         job = replace(job, holding=settled_bracket(job.holding, placed.part.mesh, limits.bodies.table))
         blocked = blocked_share(placed, job, limits)

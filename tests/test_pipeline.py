@@ -376,7 +376,7 @@ def test_levels_alone_are_the_chain_s_and_take_the_place_of_its_levels_and_paths
     assert set(result.report) - set(told) == {"estimate", "toolpath", "uncut_mm2", "nc", "removal", "mechanics"}
     told = capsys.readouterr().out.splitlines()
     lines = [line.partition(" ")[0] for line in told if not line.startswith(" ")]
-    assert lines == "warning warning mesh repair surface as stock post levels certified time".split()
+    assert lines == "verdict warning warning mesh surface stock post levels certified time".split()
     assert {item.name for item in keep.iterdir()} == {item.name for item in (folder / "keep").iterdir()} - {
         "axes.md",
         "axes.png",

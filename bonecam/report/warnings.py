@@ -74,7 +74,8 @@ def post_lines(post: Mapping[str, Any] | None) -> Iterator[str]:
         on = f" on a {', '.join(held)}" if held else ""
         tailstock = post.get("tailstock")
         above = f", held above by a {tailstock['kind']} of {tailstock['diameter_mm']:g} mm" if tailstock else ""
-        yield f"post      {size}{on}{above}; {post['footprint_mm2']:.1f} mm2 of the part stay under it"
+        under = f"; {post['footprint_mm2']:.1f} mm2 of the part stay under it" if "footprint_mm2" in post else ""
+        yield f"post      {size}{on}{above}{under}"
 
 
 def neck_remedy_text(post: Mapping[str, Any]) -> str:

@@ -139,7 +139,17 @@ def test_what_takes_hundredths_of_a_mm_rubs():
 
 
 def test_the_report_has_its_keys(sound):
-    names = {"cell_mm", "levels", "rapid_contact_mm3", "links", "clearance_mm", "left", "given", "bridge_diameter_mm"}
+    names = {
+        "cell_mm",
+        "levels",
+        "rapid_contact_mm3",
+        "links",
+        "clearance_mm",
+        "clearance_near",
+        "left",
+        "given",
+        "bridge_diameter_mm",
+    }
     assert set(sound.report) == names
     assert set(sound.report["clearance_mm"]) == {"shank", "holder", "spindle", "table"}
     assert set(sound.report["left"]) >= {"area_over_0_02_mm2", "max_mm", "place", "by_reason"}
