@@ -4,7 +4,7 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from numpy.typing import DTypeLike
 
@@ -64,6 +64,11 @@ def numbered(counts: Int[ndarray, " n"]) -> tuple[Int[ndarray, " m"], Int[ndarra
     """For rows that each stand `counts` times, one behind the other: the row, and its number from 0 in that row."""
     rows = np.repeat(np.arange(len(counts)), counts)
     return rows, np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def runs_of(flags: Bool[ndarray, " n"]) -> Int[ndarray, "m 2"]:
+    """First and end of each run of True, in their order."""
+    return np.flatnonzero(np.diff(np.r_[False, flags, False])).reshape(-1, 2)
 
 
 def perpendicular(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3"]:

@@ -374,6 +374,9 @@ def _posted(
     source = posting.source
     warning_texts = warnings.header_texts(foretold, job)
     name = program_name(posting.file or source or "", posting.dialect)
+    told = [f"part: {Path(source).name}"] if source else []
+    if job.nc.probe:
+        told.append(f"datum: {probing_name(name, posting.dialect)} writes it, run once after clamping")
     proved = post_and_prove(
         planned,
         posting.machine,
@@ -382,16 +385,7 @@ def _posted(
         morph_surfaces(levels)[0],
         given=given_surface(morphed.part, job, morphed.report),
         name=name,
-        comments=[
-            *warning_texts,
-            *([f"part: {Path(source).name}"] if source else []),
-            *(
-                [f"datum: {probing_name(name, posting.dialect)} writes it, run once after clamping"]
-                if job.nc.probe
-                else []
-            ),
-            *morphed.part.header_texts,
-        ],
+        comments=[*warning_texts, *told, *morphed.part.header_texts],
         stock=morphed.stock,
         times=posting.times,
         progress=progress,

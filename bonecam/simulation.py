@@ -13,6 +13,7 @@ from bonecam.files import check_files, write_whole
 from bonecam.job import Job
 from bonecam.mechanics.loads import workpiece_of
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.motions import zero_height_of
 from bonecam.nc.parts import joined
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect, machine_and_dialect, second_job
@@ -21,7 +22,6 @@ from bonecam.report.kept import (
     REMEDY,
     SAME_STOCK,
     SECOND_VIEW,
-    ZERO,
     check_page_name,
     kept_contents,
     kept_given,
@@ -226,8 +226,8 @@ def _kept_second(text: str, program: Path, keep: Path) -> Contents:
         raise FileError(f"{program}: {what}: {REMEDY}", file=str(keep / SECOND_VIEW))
     run = kept_contents(keep, SECOND_VIEW)[1]
     header = header_of(text)
-    reported, zero = STUMP.search(header), ZERO.search(header)
-    top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"] - (float(zero[1]) if zero else 0.0)
+    reported = STUMP.search(header)
+    top = run.facts["turned"]["zero_mm"] - run.facts["turned"]["cut_off_mm"] - zero_height_of(header)
     if reported is not None and abs(float(reported[1]) - top) > SAME_STOCK:
         what = f"its stump reaches up to z {float(reported[1]):.2f} mm, that of {keep} up to {top:.2f}"
         raise ProgramError(f"{program}: {what}: {REMEDY}", line=0)

@@ -12,7 +12,7 @@ import scipy
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import frozen, lengths
+from bonecam.arrays import frozen, lengths, runs_of
 from bonecam.errors import MachineError
 from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.kinematics import inverse_rotary, tool_axes, within_limits
@@ -138,8 +138,7 @@ def tilt_band(machine: Machine) -> tuple[float, float] | None:
     axes = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
     solutions, _ = inverse_rotary(machine, axes)
     reached = within_limits(machine, solutions).any(1).reshape(len(tilts), -1).all(1)
-    edges = np.flatnonzero(np.diff(np.r_[False, reached, False]))
-    bands = edges.reshape(-1, 2) - [0, 1]
+    bands = runs_of(np.asarray(reached)) - [0, 1]
     if not len(bands):
         return None
     low, high = bands[np.argmax(np.diff(bands, axis=1))]

@@ -79,6 +79,15 @@ def start_texts(
     return " ".join(rotary), dialect.numbers.length.text(steps[0, 2]), turn
 
 
+def check_at_zero(machine: Machine, asked: str, where: str = "") -> None:
+    """MachineError where a rotary axis cannot stand at zero, as what is `asked` of a job wants it."""
+    for axis in machine.own_rotary:
+        low, high = np.degrees(axis.limits)
+        if not low <= 0.0 <= high:
+            what = f"{axis.letter} of {machine.name} cannot stand at zero ({low:g} to {high:g} deg){where}"
+            raise MachineError(f"{what}: leave {asked} out", machine=machine.name, axis=axis.letter)
+
+
 def start_words(
     dialect: Dialect, control: Control, angles_deg: Float[ndarray, "2"], start: Float[ndarray, "3"]
 ) -> Float[ndarray, "n 5"]:

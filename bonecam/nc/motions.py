@@ -148,6 +148,12 @@ ZERO_COMMENT = re.compile(rf"\s*ZERO HEIGHT {SIZE} OVER .*")
 they are the same."""
 
 
+def zero_height_of(header: str) -> float:
+    """How high (mm) the zero of a program is, by the lines of its header."""
+    zero = ZERO_COMMENT.search(header)
+    return float(zero[1]) if zero else 0.0
+
+
 def tool_number(text: str, line: int) -> int:
     """The number of a tool call; ProgramError where it is none."""
     if not re.fullmatch(WHOLE, text):

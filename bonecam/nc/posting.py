@@ -36,6 +36,7 @@ from bonecam.nc.header import (
     above,
     air_check_texts,
     axis_texts,
+    check_at_zero,
     control_texts,
     lifted,
     over_zero,
@@ -145,11 +146,7 @@ def check_end(job: Job, machine: Machine) -> None:
             why = f"{axis.letter} of {machine.name} runs from {low:g} to {high:g} mm: give a place within"
             raise field_error("nc", "park", job.nc.park, why)
     if job.nc.table_level:
-        for rotary in machine.own_rotary:
-            low, high = np.degrees(rotary.limits)
-            if not low <= 0.0 <= high:
-                what = f"{rotary.letter} of {machine.name} cannot stand at zero ({low:g} to {high:g} deg)"
-                raise MachineError(f"{what}: leave nc.table_level out", machine=machine.name, axis=rotary.letter)
+        check_at_zero(machine, "nc.table_level")
 
 
 def end_blocks(machine: Machine, dialect: Dialect, nc: NcJob) -> list[str]:

@@ -21,7 +21,7 @@ from bonecam.errors import MachineError
 from bonecam.job import Job, field_error
 from bonecam.machine.machine import Machine
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.header import of_machine, table_reach, touch_heights
+from bonecam.nc.header import check_at_zero, of_machine, table_reach, touch_heights
 from bonecam.nc.path_words import APPROACH_HEIGHT
 from bonecam.nc.program import Program, program_name, program_number
 from bonecam.nc.words import comments_of, number_blocks, word_texts
@@ -82,13 +82,7 @@ def check_probing(stock: Stock, job: Job, machine: Machine) -> None:
 
 def check_upright(machine: Machine) -> None:
     """MachineError where a machine cannot stand with all rotary axes at zero, or the bar does not stand upright so."""
-    for axis in machine.own_rotary:
-        low, high = np.degrees(axis.limits)
-        if not low <= 0.0 <= high:
-            what = (
-                f"{axis.letter} of {machine.name} cannot stand at zero ({low:g} to {high:g} deg), where a bar is probed"
-            )
-            raise MachineError(f"{what}: leave nc.probe out", machine=machine.name, axis=axis.letter)
+    check_at_zero(machine, "nc.probe", ", where a bar is probed")
     if not np.allclose(machine.in_machine(np.array([[0.0, 0.0, 1.0]])), [[0.0, 0.0, 1.0]]):
         what = f"the bar does not stand along Z of {machine.name} with all rotary axes at zero, so no cycle probes it"
         raise MachineError(f"{what}: leave nc.probe out", machine=machine.name)

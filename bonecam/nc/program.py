@@ -29,10 +29,9 @@ from bonecam.nc.dialect import Dialect
 from bonecam.nc.schema import VectorTable
 from bonecam.text.pattern import Pattern
 
-SECOND, PART = len("_second"), len(f"_{MOST_LEVELS}")
-"""Characters by which names of programs of a second clamping, and of parts of a program, are longer."""
-PROBE = len("_probe")
-"""Those by which the name of a probing program is longer."""
+SECOND, PART, PROBE = len("_second"), len(f"_{MOST_LEVELS}"), len("_probe")
+"""Characters by which names of programs of a second clamping, of parts of a program, and of a touch probe's program are
+longer."""
 HIGHEST_NUMBER = 7999
 """Programs of higher numbers belong to the maker of the machine (Fanuc: 8000 and 9000)."""
 LOWEST_DRAWN = 1000
@@ -60,8 +59,7 @@ class ProgramTime:
     the ways from run to run, tool changes and spindle starts, None where the machine's file does not know
     accelerations or seconds; `by_hand` so many tool changes are not in it. `blank`: of the axes', to mill stock and
     neck from the bar. `tools`: of each tool in the order of the program, as far as the axes are known. `assumed`: what
-    the machine's file assumes of the figures that they are made
-    of."""
+    the machine's file assumes of the figures that they are made of."""
 
     feed: float
     tools: tuple[float, ...] = ()
@@ -89,8 +87,9 @@ class ProgramTime:
     @property
     def report(self) -> dict[str, float | list[str] | None]:
         """What the report tells of it."""
-        figures = {"": self.feed, "axes_": self.axes, "whole_": self.whole, "blank_": self.blank}
-        rounded = {f"time_{name}min": None if value is None else round(value, 2) for name, value in figures.items()}
+        figures = {"time_min": self.feed, "time_axes_min": self.axes, "time_whole_min": self.whole}
+        figures["time_blank_min"] = self.blank
+        rounded = {name: None if value is None else round(value, 2) for name, value in figures.items()}
         return {**rounded, "time_texts": self.texts}
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from bonecam.arrays import runs_of
 from bonecam.errors import OrientationError
 from bonecam.job import HoldingJob, Job, field_error
 from bonecam.job.holding_section import AUTO, MILLED, TURNED
@@ -160,8 +161,7 @@ class Lathe:
         for more in chain(np.linspace(high, 0.0, count + 1)[1:].tolist(), repeat(0.0)):
             after = np.where(there, np.clip(over(more), self.reached(before), before), before)
             cuts = before - after > LEAST
-            edges = np.flatnonzero(np.diff(np.r_[False, cuts, False]))
-            stretches = [(after[a:b][::-1], heights[a:b][::-1]) for a, b in edges.reshape(-1, 2) if b - a > 1]
+            stretches = [(after[a:b][::-1], heights[a:b][::-1]) for a, b in runs_of(cuts) if b - a > 1]
             if stretches:
                 yield stretches[::-1]
             elif more == 0.0:
@@ -183,8 +183,7 @@ def helix(away: ndarray, heights: ndarray, pitch: float, turn: float) -> tuple[n
     along = np.r_[0.0, np.cumsum(np.hypot(np.diff(away), np.diff(heights)))]
     sag = np.zeros(len(away))
     sag[HOLLOW:-HOLLOW] = (away[: -2 * HOLLOW] + away[2 * HOLLOW :]) / 2 - away[HOLLOW:-HOLLOW]
-    hollows = np.split(np.flatnonzero(sag > CUSP / 2), np.flatnonzero(np.diff(np.flatnonzero(sag > CUSP / 2)) > 1) + 1)
-    places = [along[part[sag[part].argmax()]] for part in hollows if len(part)]
+    places = [along[a + sag[a:b].argmax()] for a, b in runs_of(sag > CUSP / 2)]
     knots = np.r_[0.0, np.repeat([*places, along[-1]], 2)]
     angles = 2 * np.pi * np.cumsum(np.r_[0.0, np.where(np.diff(knots) > 0, np.diff(knots) / pitch, 1.0)])
     angle = np.linspace(0.0, angles[-1], int(np.ceil(angles[-1] / turn)) + 1)
@@ -194,34 +193,35 @@ def helix(away: ndarray, heights: ndarray, pitch: float, turn: float) -> tuple[n
 
 def settled_neck(job: Job) -> Job:
     """The job that says how stock and neck come out of the bar: milled, where that is left open and can be."""
-    holding, stub = job.holding, job.holding.names_nothing or job.holding.stub_length > 0
-    room = not holding.length or holding.length - holding.support_height >= 2 * job.finishing.radius
-    can = (
-        stub and room and job.stock.kind == Capsule.kind and job.path.strategy == "morph" and not holding.has_tailstock
-    )
-    return replace(job, holding=replace(holding, neck=MILLED if can else TURNED)) if holding.neck == AUTO else job
+    holding = job.holding
+    if holding.neck != AUTO:
+        return job
+    return replace(job, holding=replace(holding, neck=TURNED if _not_milled(job, job.stock.kind) else MILLED))
 
 
 def check_blank(setup: Setup, job: Job) -> None:
-    """JobError where a stock that is to be milled from the bar is none of revolution, stands on no bar, or its neck is
-    too short for the finishing ball."""
-    if job.holding.neck != MILLED:
-        return
-    holding, stock = job.holding, setup.stock
-    what = ""
+    """JobError where a stock that is to be milled from the bar cannot be."""
+    why = _not_milled(job, setup.stock.kind)
+    if job.holding.neck == MILLED and why:
+        raise field_error("holding", "neck", job.holding.neck, f"{why}, or 'turned'")
+
+
+def _not_milled(job: Job, kind: str) -> str:
+    """Why a stock of a kind is not milled from the bar, with the remedy: it is none of revolution, stands on no bar, or
+    its neck is too short for the finishing ball; empty where it is."""
+    holding = job.holding
     if job.path.strategy != "morph":
-        what = f"the strategy {job.path.strategy!r} does not mill the blank: give path.strategy = 'morph'"
-    elif not isinstance(stock, Capsule):
-        what = f"a {stock.kind} cannot be milled from the bar: give stock.kind = 'capsule'"
-    elif not holding.stub_length:
-        what = "there is no bar to mill it from: give holding.stub_length, or nothing of the holding"
-    elif holding.has_tailstock:
-        what = "the bracket of a tailstock stands where the bar's end is milled: give no tailstock"
-    elif float(stock.bounds[0, 2]) - holding.support_height < 2 * job.finishing.radius:
-        need = holding.support_height + 2 * job.finishing.radius
-        what = f"the finishing ball does not get between stub and stock: give holding.length = {need:g} or more"
-    if what:
-        raise field_error("holding", "neck", holding.neck, f"{what}, or 'turned'")
+        return f"the strategy {job.path.strategy!r} does not mill the blank: give path.strategy = 'morph'"
+    if kind != Capsule.kind:
+        return f"a {kind} cannot be milled from the bar: give stock.kind = 'capsule'"
+    if not (holding.stub_length or holding.names_nothing):
+        return "there is no bar to mill it from: give holding.stub_length, or nothing of the holding"
+    if holding.has_tailstock:
+        return "the bracket of a tailstock stands where the bar's end is milled: give no tailstock"
+    need = holding.support_height + 2 * job.finishing.radius
+    if 0 < holding.length < need:
+        return f"the finishing ball does not get between stub and stock: give holding.length = {need:g} or more"
+    return ""
 
 
 def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: MachineLimits) -> list[ToolPath]:

@@ -46,7 +46,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.spatial import KDTree
 
-from bonecam.arrays import dots, unit
+from bonecam.arrays import dots, runs_of, unit
 from bonecam.job import PathJob
 from bonecam.kernels.distances import cut_heights, lower
 from bonecam.material.dexels import CutDexels, ball_depths, enters_beside
@@ -544,8 +544,7 @@ def scan_lines(
     # The stretches of all rows from the highest down, every other row backwards
     lines: list[Float[ndarray, "2 2"]] = []
     for number, b in enumerate(sorted(rows, reverse=True)):
-        edges = np.flatnonzero(np.diff(np.r_[False, rows[b], False].astype(np.int8)))
-        segments = [np.array([[a[i], b], [a[j - 1], b]]) for i, j in edges.reshape(-1, 2) if j - i > 1]
+        segments = [np.array([[a[i], b], [a[j - 1], b]]) for i, j in runs_of(rows[b]) if j - i > 1]
         lines += [line[::-1] for line in reversed(segments)] if number % 2 else segments
     return lines
 

@@ -126,9 +126,8 @@ def check_parting(setup: Setup, job: Job, limits: MachineLimits, stated: Holding
             continue
     else:
         helps = f"neither with {', nor with '.join(tried)}: leave out holding.parting"
-    if stated.parting_stand_off:
-        raise field_error("holding", "parting_stand_off", stated.parting_stand_off, f"{trouble}: {helps}")
-    raise field_error("holding", "parting", True, f"{trouble}: {helps}")
+    field = "parting_stand_off" if stated.parting_stand_off else "parting"
+    raise field_error("holding", field, getattr(stated, field), f"{trouble}: {helps}")
 
 
 def _trouble(setup: Setup, job: Job, limits: MachineLimits) -> str:
@@ -148,8 +147,8 @@ def _changes(job: Job, stated: HoldingJob) -> Iterator[tuple[str, Job]]:
     free = {name: 0.0 for name in ("length", "parting_stand_off") if not getattr(stated, name)}
     job = job.with_values(holding=free)
     given = [name for name in ("parting_stand_off", "length") if name not in free]
-    for names in ([name] for name in given):
-        yield f"holding.{names[0]} = 0", job.with_values(holding=dict.fromkeys(names, 0.0))
+    for name in given:
+        yield f"holding.{name} = 0", job.with_values(holding={name: 0.0})
     opened = job.with_values(holding=dict.fromkeys(given, 0.0))
     all_open = [f"holding.{name} = 0" for name in given]
     if len(given) > 1:
@@ -158,7 +157,7 @@ def _changes(job: Job, stated: HoldingJob) -> Iterator[tuple[str, Job]]:
     if job.holding.bridge < bridge:
         yield f"holding.parting_core = {bridge:g}", job.with_values(holding={"parting_core": bridge})
     for more in LONGER:
-        for name in ("roughing", "finishing"):
-            overhang = round(more * job.tool(name).overhang, 1)
-            what = " and ".join([f"{name}.overhang = {overhang:g}", *all_open])
-            yield what, opened.with_values(**{name: {"overhang": overhang}})
+        for cutter in ("roughing", "finishing"):
+            overhang = round(more * job.tool(cutter).overhang, 1)
+            what = " and ".join([f"{cutter}.overhang = {overhang:g}", *all_open])
+            yield what, opened.with_values(**{cutter: {"overhang": overhang}})

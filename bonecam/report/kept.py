@@ -32,6 +32,7 @@ from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
 from bonecam.mesh.part import Part
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.nc.motions import zero_height_of
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.probing import Probing
 from bonecam.nc.program import Program
@@ -326,8 +327,6 @@ GIVEN = "given.ply"
 """The mesh as given, in the program's frame."""
 STOCK = re.compile(r"STOCK\W+FROM Z (-?[\d.]+) TO Z (-?[\d.]+)", re.IGNORECASE)
 """What the header says of the stock's ends, over the program's zero."""
-ZERO = re.compile(r"ZERO HEIGHT ([\d.]+) OVER")
-"""What it says of the height of that zero."""
 SAME_STOCK = 0.1
 """A kept stock is a mesh: its ends lie within this of those of the header, mm; so do stumps."""
 REMEDY = "give the folder that `convert --keep` wrote beside the program"
@@ -355,9 +354,9 @@ def kept_levels(text: str, program: Path, keep: Path) -> tuple[TriangleMesh, Tri
     stock = read_mesh(keep / names[-1])
     # ProgramError where the header tells another stock than the kept one
     header = header_of(text)
-    reported, zero = STOCK.search(header), ZERO.search(header)
+    reported = STOCK.search(header)
     if reported is not None:
-        heights = [float(end) + (float(zero[1]) if zero else 0.0) for end in reported.groups()]
+        heights = [float(end) + zero_height_of(header) for end in reported.groups()]
         kept_heights = stock.bounds[:, 2].tolist()
         if max(abs(a - b) for a, b in zip(heights, kept_heights, strict=True)) > SAME_STOCK:
             raise ProgramError(

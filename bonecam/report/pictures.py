@@ -644,10 +644,8 @@ def draw_toolpath(
     shown += [[whole[k]] for k in sorted({0, len(whole) // 2, len(whole) - 1})]
     figure, plots = new_figure(2 * len(shown))
     for plot, (items, side) in zip(plots, product(shown, (1.0, -1.0))):
-        level, radii = (
-            items[0].level,
-            " and ".join(f"{radius:g}" for radius in {each.cutter.radius: 0 for each in items}),
-        )
+        level = items[0].level
+        radii = " and ".join(dict.fromkeys(f"{each.cutter.radius:g}" for each in items))
         followed = levels[0] if whole[0].level != len(levels) - 2 else levels[level if level >= 0 else -1]
         for item in items:
             show_path(plot, item, followed.mesh if item is items[0] else None, side)

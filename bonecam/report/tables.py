@@ -38,7 +38,7 @@ from bonecam.errors import FileError
 from bonecam.nc.motions import line_error
 from bonecam.runtime.staging import NAME_BYTES
 from bonecam.setup.stock import stock_text
-from bonecam.tool.path import BESIDE, MoveKind, ToolPath
+from bonecam.tool.path import BESIDE, CALLED, MoveKind, ToolPath
 
 
 def apt_text(paths: Sequence[ToolPath], name: str = "PART") -> str:
@@ -172,11 +172,9 @@ class _Reader:
             self.name = values
         elif word == "PPRINT":
             # Take what is said of the moves that follow; any other text is passed over
-            match = re.fullmatch(r"LEVEL (\d{1,6})|PARTING|BLANK", values)
-            if match:
-                self.level = (
-                    int(match[1]) if match[1] else {name.upper(): level for level, name in BESIDE.items()}[values]
-                )
+            match = re.fullmatch(r"LEVEL (\d{1,6})", values)
+            if match or values in CALLED:
+                self.level = int(match[1]) if match else CALLED[values]
             elif values in ("LINK", "CUT"):
                 self.link = values == "LINK"
         elif word == "UNITS":

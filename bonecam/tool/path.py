@@ -20,6 +20,8 @@ PARTING = -1
 """The level of the paths that part the finished part from its post, after level 0; their `rest` counts from 1."""
 BESIDE = {PARTING: "parting", BLANK: "blank"}
 """What a program calls the paths that are on no level."""
+CALLED = {name.upper(): level for level, name in BESIDE.items()}
+"""Their levels by what comments call them."""
 
 
 class MoveKind(IntEnum):

@@ -50,7 +50,7 @@ from bonecam.runtime.threads import in_pieces
 from bonecam.setup.stock import Stock
 from bonecam.surface.tspline import TSpline
 from bonecam.tool.cutter import Cutter
-from bonecam.tool.path import BESIDE, PARTING
+from bonecam.tool.path import CALLED, PARTING
 from bonecam.verify.gouge import centre_bows
 from bonecam.workholding.post import Post
 
@@ -132,8 +132,7 @@ def groups_of(text: str, motions: Motions, dialect: Dialect) -> Iterator[Group]:
 def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int]]:
     """Line (from 1), level and number of the rest path of each comment that begins a path, as `posting.write` writes
     them."""
-    named = {name.upper(): level for level, name in BESIDE.items()}
-    words = rf"(?:LEVEL (\d+)(?: REST (\d+))?|({'|'.join(named)}) (\d+))"
+    words = rf"(?:LEVEL (\d+)(?: REST (\d+))?|({'|'.join(CALLED)}) (\d+))"
     comment = re.escape(dialect.comment.replace("{text}", "TEXT")).replace("TEXT", words)
     pattern = re.compile(rf"^(?:\d+ )?{comment}$", re.MULTILINE)
     line = 1
@@ -142,7 +141,7 @@ def _level_comments(text: str, dialect: Dialect) -> Iterator[tuple[int, int, int
         line += text.count("\n", at, match.start())
         at = match.start()
         level, rest, name, step = match.groups()
-        yield line, *((named[name], int(step)) if name else (int(level), int(rest or 0)))
+        yield line, *((CALLED[name], int(step)) if name else (int(level), int(rest or 0)))
 
 
 def feed_minutes(motions: Motions) -> Float[ndarray, " n"]:

@@ -20,7 +20,7 @@ from numpy import ndarray
 
 from bonecam.errors import FileError, JobError, MachineError, ProgramError, counted
 from bonecam.files import check_files, required_text, write_whole
-from bonecam.job import LINK_FEED, Job, NcJob
+from bonecam.job import LINK_FEED, Job, NcJob, field_error
 from bonecam.machine.check import reach_text
 from bonecam.machine.kinematics import inverse_rotary, within_limits
 from bonecam.machine.limits import polar_angles
@@ -258,8 +258,9 @@ def post(
     check_files([program], [design])
     machine, dialect = machine_and_dialect(job.nc)
     if job.nc.probe:
-        what = "[nc] probe = True: paths that are posted again know no bar: leave it out, or use `convert`"
-        raise JobError(what, section="nc", field="probe")
+        raise field_error(
+            "nc", "probe", True, "paths that are posted again know no bar: leave it out, or use `convert`"
+        )
     Outputs(program, split=is_split(job.nc)).check(paths, dialect)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
     check_axes(planned, machine)

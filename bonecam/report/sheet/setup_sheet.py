@@ -292,6 +292,8 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
     post = post_below(part.mesh, job.holding)
     material = asked_material(job)
     speeds = [f"Speeds of {material.title}: {material.note}"] if material is not None else []
+    probe = report["nc"].get("probe")
+    probing = [f"datum: run {probe} once with the touch probe, it stops where the bar leans"] if probe else []
     return article(
         Path(part.file).name,
         program,
@@ -310,17 +312,10 @@ def setup_article(part: Part, stock: Stock, job: Job, program: Program, report: 
             zero_height=program.zero_height,
             parting=report.get("parting"),
         ),
-        setup=items([*setup_texts(job, stock, zero, program.zero_height), *_probe_texts(report["nc"])]),
+        setup=items([*setup_texts(job, stock, zero, program.zero_height), *probing]),
         checks=items(_checks(report)),
         left=items(_left(report, program.zero_height)),
         warnings=items([*warning_texts(report["warnings"]), IN_AIR, *speeds]),
-    )
-
-
-def _probe_texts(nc: Mapping[str, Any]) -> list[str]:
-    """That a probing program writes the datum, if there is one."""
-    return (
-        [f"datum: run {nc['probe']} once with the touch probe, it stops where the bar leans"] if "probe" in nc else []
     )
 
 
