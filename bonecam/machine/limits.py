@@ -42,7 +42,8 @@ class ReachedAxes:
 @dataclass(frozen=True)
 class MachineLimits:
     """Smallest and largest polar angle of the tool axis, radians (B -115..30 with an endless C: 0 .. 115
-    degrees), and how fast the machine changes its polar angle and azimuth, rad/min. A machine of four axes that turns
+    degrees), how fast the machine changes its polar angle and azimuth, rad/min, and how fast it speeds these up,
+    rad/min^2. A machine of four axes that turns
     the part about its own Z has one polar angle. Where the machine does not reach these angles all round, `reached` are
     its tool axes. `lift_places` tells where the machine's rotary axes come to their limits within a path; None:
     nowhere. The tool is kept clear of the `bodies`. MachineError where the angles do not lie in order within
@@ -52,6 +53,8 @@ class MachineLimits:
     smallest: float = 0.0
     tilt_speed: float = math.inf
     turn_speed: float = math.inf
+    tilt_acceleration: float = math.inf
+    turn_acceleration: float = math.inf
     lift_places: LiftPlaces | None = None
     bodies: MachineBodies = field(default_factory=MachineBodies)
     reached: ReachedAxes | None = None

@@ -582,6 +582,8 @@ def machine_limits(machine: Machine) -> MachineLimits:
         band[0],
         tilt_speed=tilt.speed,
         turn_speed=turn.speed,
+        tilt_acceleration=tilt.acceleration,
+        turn_acceleration=turn.acceleration,
         lift_places=partial(lift_places, machine),
         bodies=machine.bodies,
         reached=reached,

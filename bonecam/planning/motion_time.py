@@ -32,11 +32,12 @@ middle of one is told at the mean of the speeds at its ends. The jerk of corners
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import dots, largest, lengths, unit
+from bonecam.arrays import dots, largest, lengths, runs_of, unit
 from bonecam.kernels.motion import ramped_times, rounded_times
+from bonecam.machine.limits import MachineLimits, rotary_turns
 from bonecam.machine.machine import Machine
 
 ALONG, ACROSS = 0.5, 0.75**0.5
@@ -63,16 +64,45 @@ def motion_minutes(
 ) -> Float[ndarray, "m"]:
     """Minutes of the n - 1 moves between successive joints (mm, rad) from rest to rest; `at_feed` are those that feed
     and axis speeds alone allow, which they are where the machine's accelerations are not known."""
+    if not machine.knows_accelerations:
+        return at_feed.copy()
+    return _driven(joints, at_feed, machine.accelerations, machine.jerks, rule)
+
+
+def turning_minutes(
+    limits: MachineLimits, axes: Float[ndarray, "n 3"], at_feed: Float[ndarray, " m"], joined: Bool[ndarray, " m"]
+) -> Float[ndarray, " m"]:
+    """Minutes of the n - 1 moves between successive tool axes as the rotary axes drive them, each piece of moves that
+    are `joined` from rest to rest; `at_feed` are those of the feed alone."""
+    turns = rotary_turns(axes)
+    minutes = np.maximum(at_feed, limits.turning_minutes(axes))
+    most = np.array([limits.turn_acceleration, limits.tilt_acceleration])
+    if not np.isfinite(most).any():
+        return minutes
+    angles = np.vstack([np.zeros(2), np.cumsum(turns, axis=0)])
+    for first, end in runs_of(joined):
+        piece = slice(first, end)
+        minutes[piece] = _driven(angles[first : end + 1], minutes[piece], most, np.full(2, np.inf), ControlRule())
+    return minutes
+
+
+def _driven(
+    joints: Float[ndarray, "n k"],
+    at_feed: Float[ndarray, " m"],
+    most: Float[ndarray, " k"],
+    jerks: Float[ndarray, " k"],
+    rule: ControlRule,
+) -> Float[ndarray, " m"]:
+    """`motion_minutes` of joints with these accelerations and jerks."""
     minutes = at_feed.copy()
     steps = np.diff(joints, axis=0)
     moving = (largest(np.abs(steps)) > 0) & (at_feed > 0)
-    if not machine.knows_accelerations or not moving.any():
+    if not moving.any():
         return minutes
     ways = at_feed[moving]
     rates = steps[moving] / ways[:, None]
-    most = machine.accelerations
     along, across = (ALONG, ACROSS) if rule.parabolic else (1.0, 1.0)
-    tolerances = np.repeat([rule.tolerance, rule.rotary_tolerance], [3, 2])
+    tolerances = np.repeat([rule.tolerance, rule.rotary_tolerance], [joints.shape[1] - 2, 2])
     changes = np.diff(rates, axis=0)
     with np.errstate(divide="ignore"):
         acceleration = along / largest(np.abs(rates) / most)
@@ -99,8 +129,8 @@ def motion_minutes(
     # stops, and corners that hardly take anything of an acceleration
     half[rule.parabolic | (highest[1:-1] == 0) | (corners > STRAIGHT)] = 0.0
     times, speeds = rounded_times(np.minimum(highest, 1.0), ways, acceleration, half, rates, bends, most)
-    if np.isfinite(machine.jerks[0]):
-        jerk = 1 / largest(np.abs(rates) / machine.jerks)
+    if np.isfinite(jerks[0]):
+        jerk = 1 / largest(np.abs(rates) / jerks)
         times = np.maximum(times, ramped_times(speeds, ways, acceleration, jerk))
     minutes[moving] = times - overlaps
     return minutes

@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from bonecam.machine import Machine, read_machine
 from bonecam.machine.kinematics import inverse_linear
-from bonecam.planning.motion_time import ControlRule, motion_minutes
+from bonecam.machine.limits import MachineLimits
+from bonecam.planning.motion_time import ControlRule, motion_minutes, turning_minutes
 
 SECONDS = 60
 
@@ -48,6 +49,21 @@ def test_a_corner_is_passed_as_fast_as_its_tolerance_allows():
         lines = 2 * ((50 - rounded - (2 * 60**2 - speed**2) / 1200) / 60 + (2 * 60 - speed) / 600)
         found = motion_minutes(MILL, corner, at_feed, ControlRule(tolerance)).sum()
         assert found == pytest.approx(lines + 2 * rounded / speed, rel=1e-6)
+
+
+def test_axes_alone_are_driven_by_the_rotary_axes_from_rest_to_rest():
+    # 30 degrees from rest to rest at 800 deg/s^2 and 100 deg/s: the way / speed + speed / acceleration
+    angles = np.radians(np.linspace(0, 30, 301))
+    axes = np.column_stack([np.cos(angles), np.sin(angles), np.ones(301)]) / math.sqrt(2)
+    fast = MachineLimits(2.0, tilt_speed=np.radians(90) * 60, turn_speed=np.radians(100) * 60)
+    driven = replace(fast, tilt_acceleration=np.radians(500) * 3600, turn_acceleration=np.radians(800) * 3600)
+    joined, at_feed = np.ones(300, dtype=bool), np.full(300, 1e-6)
+    assert turning_minutes(fast, axes, at_feed, joined).sum() * SECONDS == pytest.approx(0.3)
+    assert turning_minutes(driven, axes, at_feed, joined).sum() * SECONDS == pytest.approx(0.3 + 100 / 800, rel=1e-2)
+    joined[149] = False
+    twice = turning_minutes(driven, axes, at_feed, joined).sum() * SECONDS
+    assert twice == pytest.approx(0.3 + 2 * 100 / 800, rel=1e-2)
+    assert turning_minutes(driven, axes, np.ones(300), joined) == pytest.approx(1.0)
 
 
 def test_a_circle_is_driven_by_its_curvature_however_finely_it_is_sampled():

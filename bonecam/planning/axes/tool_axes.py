@@ -4,14 +4,18 @@ that is.
 The preferred axis leans forward by the lead angle (`lead.py`), within the machine's limits, and runs round
 the singularity (`lead.py`).
 
-Axes eased where the machine's rotary axes would hold up the cut.
+Axes eased along the passes where the machine's rotary axes would hold up the cut.
 
-Where the tip hardly moves while the tool turns, a rotary axis at its speed limit holds the tip below the feed, and the
-ball rubs. A move is slow where its turn lets less than SHARE of the cutter's feed. Round slow moves the axes become
-their means over a stretch of the pass, which spreads the turn over the neighbours; stretches grow as long as slow moves
-are left. An axis is changed only where the machine reaches the new one, it leans from the normal by no more than is
-allowed and by no less than before or than the least lead, it stays in its cone if it was in one, and tool and moves are
-proven free. Rings round the post stay slow: there the table must turn once.
+A rotary axis that turns unevenly holds the tip up, whether at its speed or by its acceleration: at 5 m/min a move of
+0.2 mm takes 2 ms, in which an axis of 500 deg/s^2 changes its rate by 1 deg/s. So along a pass that takes more than
+SLOW times as long as at the feed the axes become their smoothing spline: of all curves y over the way of the ball's
+centre, x, through the axes a that must stay, the one of least
+
+    int |y - a|^2 dx + L^4 int |y''|^2 dx
+
+(Reinsch 1967). An axis stays as it is where the machine does not reach the new one, where that leans from the normal by
+more than is allowed, or by less than before and than the least lead, where it leaves the cone that it was in, or where
+tool or moves are not free. The new axes of a pass are taken where it is driven sooner with them.
 
 FCL's word on the axes that no certified cone holds: the exact tool of each pose against level, material, post and
 clamping. What it does not find free is left out.
@@ -23,6 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
+from scipy.linalg import solveh_banded
 
 from bonecam.arrays import angles_between, lengths, unit
 from bonecam.errors import JobError
@@ -40,6 +45,7 @@ from bonecam.planning.axes.lead import (
     within_limits,
 )
 from bonecam.planning.collision import CollisionChecker, build_fcl_model
+from bonecam.planning.motion_time import turning_minutes
 from bonecam.planning.scene import Scene
 from bonecam.plugins import added, run_added
 from bonecam.surface.tspline import TSpline
@@ -92,7 +98,7 @@ def choose_axes(
     in_motion = checker.free_in_motion(cutter.tips_of(centres, preferred), preferred, same_pass, known)
     admissible = within_limits(preferred, path.normals, limits, max_tilt)
     open_ = np.flatnonzero(admissible & ~in_motion)
-    admissible[open_] = checker.free_by_distance(centres[open_], preferred[open_])
+    admissible[open_] = checker.free(centres[open_], preferred[open_])
 
     axes, reasons = _replace(path, preferred, admissible=admissible, checker=checker, limits=limits, max_tilt=max_tilt)
     kept = (axes == preferred).all(axis=1) & np.array([not reason for reason in reasons])
@@ -188,11 +194,19 @@ def _by_contact(proof: Callable[[ndarray, ndarray], ndarray], centres: Float[nda
     return lambda contacts, tried: proof(centres[contacts], tried)
 
 
-SHARE = 0.55
-"""A move whose turn lets less of the cutter's feed is slow: half of it, and what the rounding of words and feeds may
-take."""
-STRETCHES = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Half lengths of the stretches that are tried, mm."""
+SLOW = 1.05
+"""A pass that takes so many times what it takes at the feed is eased."""
+LENGTHS = (1.0, 4.0)
+"""Over which axes are eased, one after the other, mm. The first halves what rotary axes cost on a bone whose contacts
+lie unevenly (hamate), the second spreads a sudden turn; 0.5 and 2 beside them bring 1 % more."""
+LEAD_SLACK = np.radians(0.25)
+"""By which an axis may come nearer to the normal than the least lead."""
+PINNED = 1e6
+"""How much more an axis weighs that must stay."""
+TRIES = 12
+"""Times that some axes of a pass are kept before all are."""
+LEAST_STEP = 1e-3
+"""Of the way from one contact to the next, mm."""
 
 
 def eased_axes(
@@ -203,15 +217,14 @@ def eased_axes(
     limits: MachineLimits,
     job: PathJob,
 ) -> ToolAxes:
-    """The axes that were chosen from those `wanted`, eased on each pass where the speeds of the machine's rotary axes
-    are known."""
+    """The axes that were chosen from those `wanted`, eased on each pass that the machine's rotary axes hold up, as far
+    as their speeds and accelerations are known."""
+    if len(chosen.axes) < 3:
+        return chosen
     easing = _Easing(path, chosen, wanted=wanted, checker=checker, limits=limits, job=job)
     axes = chosen.axes
-    for half in STRETCHES:
-        slow = easing.slow(axes)
-        if not slow.any():
-            break
-        axes = easing.eased(axes, slow, half)
+    for length in LENGTHS:
+        axes = easing.eased(axes, length)
     changed = (axes != chosen.axes).any(axis=1)
     beside = changed | np.r_[False, changed[:-1]] | np.r_[changed[1:], False]
     return replace(chosen, axes=axes, free_in_motion=chosen.free_in_motion & ~beside)
@@ -233,84 +246,77 @@ class _Easing:
         self.cones = wanted.cones
         self.in_cone = self._in_cones(chosen.axes)
         self.max_tilt, least = np.radians(job.max_tilt_deg), np.radians(job.least_lead_deg)
-        self.leads = np.minimum(angles_between(chosen.axes, path.normals), least)
+        self.leads = np.minimum(angles_between(chosen.axes, path.normals), least) - LEAD_SLACK
         has_axis = chosen.found
         same = path.pass_index[1:] == path.pass_index[:-1]
-        self.joined: Bool[ndarray, " n"] = np.r_[same & has_axis[1:] & has_axis[:-1], False]
-        self.piece = np.r_[0, np.cumsum(~self.joined[:-1])]
-        steps = np.where(self.joined[:-1], lengths(np.diff(path.centres, axis=0)), 0.0)
-        self.along = np.r_[0.0, np.cumsum(steps)]
-        self.rows: list[Int[ndarray, " r"]] = np.split(
-            np.arange(len(has_axis)), np.flatnonzero(np.diff(self.piece)) + 1
-        )
+        self.joined: Bool[ndarray, " m"] = same & has_axis[1:] & has_axis[:-1]
+        self.piece = np.r_[0, np.cumsum(~self.joined)]
+        self.inner = np.r_[False, self.joined] & np.r_[self.joined, False]
+        self.steps = np.maximum(lengths(np.diff(path.centres, axis=0)), LEAST_STEP)
 
-    def slow(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
-        """Whether the move from each contact to the next is slow."""
-        limits = self.limits
+    def eased(self, axes: Float[ndarray, "n 3"], length: float) -> Float[ndarray, "n 3"]:
+        """The axes, eased over this length (mm) on the slow passes that are driven sooner with them."""
+        at_feed, driven = self._minutes(axes)
+        tried = axes
+        stay = ~self.inner | (driven <= SLOW * at_feed)[self.piece]
+        for tries in range(TRIES + 1):
+            tried = self._smooth(axes, stay, length)
+            bad = self._not_allowed(axes, tried)
+            if not bad.any():
+                break
+            stay |= bad if tries < TRIES else np.isin(self.piece, self.piece[bad])
+        else:
+            return axes
+        sooner = self._minutes(tried)[1] < driven
+        return np.where(sooner[self.piece][:, None], tried, axes)
+
+    def _minutes(self, axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " p"], Float[ndarray, " p"]]:
+        """Of each piece of a pass at the feed, and as the rotary axes drive it."""
         ways = lengths(np.diff(self.path.cutter.tips_of(self.path.centres, axes), axis=0))
-        return self.joined & np.r_[limits.turning_minutes(axes) * SHARE * self.path.cutter.feed > ways, False]
+        at_feed = np.maximum(ways, LEAST_STEP) / self.path.cutter.feed
+        driven = turning_minutes(self.limits, axes, at_feed, self.joined)
+        first, second = (
+            np.bincount(self.piece[1:], np.where(self.joined, minutes, 0.0), self.piece[-1] + 1)
+            for minutes in (at_feed, driven)
+        )
+        return first, second
 
-    def eased(self, axes: Float[ndarray, "n 3"], slow: Bool[ndarray, " n"], half: float) -> Float[ndarray, "n 3"]:
-        """The axes, eased over stretches of this half length (mm) round the slow moves where that leaves fewer."""
-        tried = axes.copy()
-        part = np.full(len(axes), -1)
-        parts = 0
-        for rows in self.rows:
-            if not slow[rows].any():
-                continue
-            # How much each contact of a pass takes of the mean: all of it at slow moves, none `half` (mm) beside them
-            ends = np.flatnonzero(slow[rows])
-            along = self.along[rows]
-            marked = along[np.unique(np.r_[ends, np.minimum(ends + 1, len(rows) - 1)])]
-            away = np.abs(along[:, None] - marked[None]).min(axis=1)
-            share = np.clip(1 - away / half, 0.0, 1.0)
-
-            # The mean axis from `half` (mm) before each contact to as much behind it
-            weights = np.gradient(along) + 1e-6 if len(rows) > 1 else np.ones(1)
-            sums = np.vstack([np.zeros(3), np.cumsum(weights[:, None] * axes[rows], axis=0)])
-            first, last = np.searchsorted(along, along - half), np.searchsorted(along, along + half, "right")
-            means = unit(sums[last] - sums[first])
-            tried[rows] = unit((1 - share)[:, None] * axes[rows] + share[:, None] * means)
-            inside = share > 0
-            part[rows] = np.where(inside, parts + np.cumsum(np.diff(inside, prepend=False)), -1)
-            parts += len(rows) + 1
-        tried = avoid_singularity(tried, self.path.centres, self.piece)
-        return self._taken(axes, self.limits.nearest(tried) if self.limits.narrow else tried, part, slow)
+    def _smooth(self, axes: Float[ndarray, "n 3"], stay: Bool[ndarray, " n"], length: float) -> Float[ndarray, "n 3"]:
+        """The smoothing splines of the pieces, through the axes that `stay`."""
+        before, behind = self.steps[:-1], self.steps[1:]
+        both = (before + behind) / 2
+        second = np.array([1 / before, -1 / before - 1 / behind, 1 / behind]) / both
+        bend = np.where(self.inner[1:-1], both * length**4, 0.0)
+        share = np.r_[self.steps[0], both, self.steps[-1]] * np.where(stay, PINNED, 1.0)
+        band = np.vstack([share, np.zeros((2, len(axes)))])
+        for i in range(3):
+            for j in range(i + 1):
+                band[i - j, j : len(axes) - 2 + j] += bend * second[i] * second[j]
+        found = unit(solveh_banded(band, share[:, None] * axes, lower=True))
+        tried = avoid_singularity(np.where(stay[:, None], axes, found), self.path.centres, self.piece)
+        return self.limits.nearest(tried) if self.limits.narrow else tried
 
     def _in_cones(self, axes: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
         """Whether each axis is in its contact's cone."""
         return np.zeros(len(axes), dtype=bool) if self.cones is None else self.cones.hold(axes)
 
-    def _taken(
-        self,
-        axes: Float[ndarray, "n 3"],
-        tried: Float[ndarray, "n 3"],
-        part: Int[ndarray, " n"],
-        slow: Bool[ndarray, " n"],
-    ) -> Float[ndarray, "n 3"]:
-        """The axes, those of each part that may be changed as `tried`."""
-        asked = np.flatnonzero(part >= 0)
-        if not len(asked):
-            return axes
+    def _not_allowed(self, axes: Float[ndarray, "n 3"], tried: Float[ndarray, "n 3"]) -> Bool[ndarray, " n"]:
+        """Which of the axes must stay instead of those that are `tried`."""
         path = self.path
+        changed = (tried != axes).any(axis=1)
+        asked = np.flatnonzero(changed)
         may = within_limits(tried[asked], path.normals[asked], self.limits, self.max_tilt)
-        may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked] - 1e-9
+        may &= angles_between(tried[asked], path.normals[asked]) >= self.leads[asked]
         may &= (~self.in_cone | self._in_cones(tried))[asked]
-        before, after = (np.bincount(part[asked], s[asked]) for s in (slow, self.slow(tried)))
-        bad = after >= before
-        bad[part[asked[~may]]] = True
-        open_ = asked[~bad[part[asked]]]
-        free = self.checker.free(path.centres[open_], tried[open_])
-        bad[part[open_[~free]]] = True
-        kept = (part >= 0) & ~bad[part]
-        new = np.where(kept[:, None], tried, axes)
-        moves = self.joined & (kept | np.r_[kept[1:], False])
-        free = self.checker.moves_free(path.cutter.tips_of(path.centres, new), new, moves)
-        for ends in (part, np.r_[part[1:], -1]):
-            blocked = ends[moves & ~free]
-            bad[blocked[blocked >= 0]] = True
-        kept &= ~bad[part]
-        return np.where(kept[:, None], tried, axes)
+        if may.all():
+            may = self.checker.free(path.centres[asked], tried[asked])
+        bad = np.zeros(len(axes), dtype=bool)
+        bad[asked[~may]] = True
+        if may.all():
+            moves = np.r_[self.joined, False] & (changed | np.r_[changed[1:], False])
+            blocked = moves & ~self.checker.moves_free(path.cutter.tips_of(path.centres, tried), tried, moves)
+            bad = changed & (blocked | np.r_[False, blocked[:-1]])
+        return bad
 
 
 def judged_axes(

@@ -15,8 +15,9 @@ from bonecam.arrays import angles_between
 from bonecam.job import PathJob
 from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
-from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, eased_axes, judged_axes
+from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, eased_axes, judged_axes
 from bonecam.planning.collision import CollisionChecker
+from bonecam.planning.motion_time import turning_minutes
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, ContactPath, FreeCones
 from bonecam.workholding.clamping import Clamping
@@ -110,6 +111,26 @@ def test_axes_stay_where_the_eased_ones_collide_or_nothing_is_slow():
     assert (eased(slow, chosen, Open()).axes == chosen.axes).all()
 
 
+def test_axes_that_turn_unevenly_become_those_that_a_machine_follows():
+    """Contacts 0.1 to 0.4 mm apart whose azimuth grows by 0.4 degrees at each: even over contacts, not over the way."""
+    path, _ = pass_of(np.zeros(COUNT))
+    path = replace(path, cutter=replace(path.cutter, feed=5000.0))
+    centres = path.centres.copy()
+    centres[:, 0] = np.cumsum(np.random.default_rng(2).uniform(0.1, 0.4, COUNT))
+    path = replace(path, centres=centres, contacts=centres - path.centres[0] + path.contacts[0])
+    _, chosen = pass_of(np.radians(0.4) * np.arange(COUNT))
+    driven = replace(LIMITS, tilt_acceleration=np.radians(500) * 3600, turn_acceleration=np.radians(800) * 3600)
+    made = eased(path, chosen, Open(), driven)
+
+    def minutes(axes: ndarray) -> float:
+        at_feed = np.linalg.norm(np.diff(path.centres - path.cutter.radius * axes, axis=0), axis=1) / 5000
+        return float(turning_minutes(driven, axes, at_feed, np.ones(COUNT - 1, dtype=bool)).sum() / at_feed.sum())
+
+    assert minutes(made.axes) - 1 < 0.5 * (minutes(chosen.axes) - 1)
+    assert angles_between(made.axes, chosen.axes).max() < np.radians(0.5)
+    assert (made.axes[[0, -1]] == chosen.axes[[0, -1]]).all()
+
+
 @pytest.mark.parametrize("certified", [False, True])
 @pytest.mark.parametrize(("angle_deg", "changes"), [(5.0, False), (40.0, True)])
 def test_axes_that_lie_in_their_cones_stay_there(angle_deg, changes, certified):
@@ -159,6 +180,18 @@ def test_axes_that_collide_are_left_out_and_free_ones_stay(made):
     assert poses.refused == refused.sum() > 0.02 * len(refused)
     assert free.sum() > 0.2 * len(free)
     assert not (refused & free).any()
+
+
+def test_an_axis_that_fcl_finds_free_is_not_replaced(made, monkeypatch):
+    """Distances prove no tool free that touches the walls of a hollow hardly wider than its ball."""
+    path, checker = made
+    upright = angles_between(path.normals, np.tile([0.0, 0.0, 1.0], (len(path.normals), 1))) < 0.5
+    free = path.take(np.flatnonzero(checker.free(path.centres, path.normals) & ~upright))
+    assert len(free.normals) > 0.1 * len(path.normals)
+    wanted = along(free.normals)[1]
+    monkeypatch.setattr(CollisionChecker, "free_by_distance", lambda self, centres, axes: np.zeros(len(axes), bool))
+    chosen = choose_axes(free, checker, MachineLimits(np.pi), PathJob(), wanted)
+    assert (chosen.axes == free.normals).all()
 
 
 def test_those_in_certified_cones_are_not_asked(made):
