@@ -21,6 +21,11 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "docs" / "pages"
 KEPT = ROOT / "out" / "papers"
 PICTURES = ("paths", "left", "probe")
+LEFT_OUT = re.compile(
+    r"\| (depth \w+, (99 %|max)|force \w+, (peak max|jump max|jumps)|error kept by bending, (median|99 %)"
+    r"|probed deviation, mean|Rz )"
+)
+"""Rows of a comparison that no claim rests on and that stay in its folder."""
 BLOCK = "<!-- made by {name} -->{text}<!-- end -->"
 """What is written here stands between such lines."""
 
@@ -62,9 +67,21 @@ def compared(part: str) -> Path:
 
 
 def tables(folder: Path) -> str:
-    """The figures and the claims of one comparison, as it wrote them."""
-    written = (folder / "comparison.md").read_text(encoding="utf-8")
-    return f"### {folder.name}, job `{folder.parent.name}`\n\n{written.rstrip()}"
+    """The figures and the claims of one comparison, without what its folder alone keeps."""
+    lines = (folder / "comparison.md").read_text(encoding="utf-8").rstrip().splitlines()
+    start = next(at for at, line in enumerate(lines) if line.startswith("| claim "))
+    figures = [line for line in lines[:start] if not LEFT_OUT.match(line)]
+    return "\n".join([f"### {folder.name}, job `{folder.parent.name}`", "", *figures, *claims(lines[start + 2 :])])
+
+
+def claims(rows: list[str]) -> list[str]:
+    """The table of the claims: the strategies of which the same is told share a row, figures stand above."""
+    strategies: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        claim, strategy, told, *_ = (cell.strip() for cell in row.strip("|").split("|"))
+        strategies.setdefault((claim, told), []).append(strategy)
+    body = [f"| {claim} | {', '.join(names)} | {told} |" for (claim, told), names in strategies.items()]
+    return ["| claim | of | told |", "|---|---|---|", *body]
 
 
 def printed(script: str) -> str:
