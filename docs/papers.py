@@ -75,13 +75,15 @@ def tables(folder: Path) -> str:
 
 
 def claims(rows: list[str]) -> list[str]:
-    """The table of the claims: the strategies of which the same is told share a row, figures stand above."""
+    """What is told of the claims, each with the strategies that it is told of; figures stand above."""
     strategies: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         claim, strategy, told, *_ = (cell.strip() for cell in row.strip("|").split("|"))
-        strategies.setdefault((claim, told), []).append(strategy)
-    body = [f"| {claim} | {', '.join(names)} | {told} |" for (claim, told), names in strategies.items()]
-    return ["| claim | of | told |", "|---|---|---|", *body]
+        strategies.setdefault((told, claim), []).append(strategy)
+    told_of: dict[str, list[str]] = {}
+    for (told, claim), names in strategies.items():
+        told_of.setdefault(told, []).append(f"{claim} ({', '.join(names)})")
+    return ["| told | claims |", "|---|---|", *(f"| {told} | {'; '.join(of)} |" for told, of in told_of.items())]
 
 
 def printed(script: str) -> str:
