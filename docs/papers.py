@@ -22,7 +22,7 @@ PAGES = ROOT / "docs" / "pages"
 KEPT = ROOT / "out" / "papers"
 PICTURES = ("paths", "left", "probe")
 LEFT_OUT = re.compile(
-    r"\| (depth \w+, (99 %|max)|force \w+, (peak max|jump max|jumps)|error kept by bending, (median|99 %)"
+    r"(depth \w+, (99 %|max)|force \w+, (peak max|jump max|jumps)|error kept by bending, (median|99 %)"
     r"|probed deviation, mean|Rz )"
 )
 """Rows of a comparison that no claim rests on and that stay in its folder."""
@@ -53,7 +53,7 @@ def comparisons(parts: list[str]) -> str:
         picture = PAGES / "figures" / f"compared-{name}.png"
         shutil.copy(folders[-1] / f"{name}.png", picture)
         shrink(picture)
-    return "\n\n".join(tables(folder) for folder in folders)
+    return tables(folders)
 
 
 def compared(part: str) -> Path:
@@ -66,24 +66,40 @@ def compared(part: str) -> Path:
     return folder
 
 
-def tables(folder: Path) -> str:
-    """The figures and the claims of one comparison, without what its folder alone keeps."""
-    lines = (folder / "comparison.md").read_text(encoding="utf-8").rstrip().splitlines()
-    start = next(at for at, line in enumerate(lines) if line.startswith("| claim "))
-    figures = [line for line in lines[:start] if not LEFT_OUT.match(line)]
-    return "\n".join([f"### {folder.name}, job `{folder.parent.name}`", "", *figures, *claims(lines[start + 2 :])])
+def tables(folders: list[Path]) -> str:
+    """One table of the figures and one of the claims, of several parts side by side in each cell and column."""
+    figures: dict[str, list[list[str]]] = {}
+    claims: dict[str, list[list[str]]] = {}
+    for number, folder in enumerate(folders):
+        text = (folder / "comparison.md").read_text(encoding="utf-8")
+        rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line]
+        start = next(at for at, row in enumerate(rows) if row[0] == "claim")
+        for label, *cells in rows[2:start]:
+            if not LEFT_OUT.match(label):
+                figures.setdefault(label, []).append(cells)
+        for claim, strategy, told, *_ in rows[start + 2 :]:
+            of = claims.setdefault(told, [[] for _ in folders])[number]
+            of.append(f"{claim} ({strategy})")
+    names = [f"{folder.name}, job `{folder.parent.name}`" for folder in folders]
+    lines = [f"### {' / '.join(names)}", "", table_row("", rows[0][1:]), "|---|" + "---:|" * len(rows[0][1:])]
+    lines += [table_row(label, [" / ".join(side) for side in zip(*cells)]) for label, cells in figures.items()]
+    lines += ["", table_row("told", [folder.name for folder in folders]), "|---|" + "---|" * len(folders)]
+    lines += [table_row(told, ["; ".join(shared(of)) for of in parts]) for told, parts in claims.items()]
+    return "\n".join(lines)
 
 
-def claims(rows: list[str]) -> list[str]:
-    """What is told of the claims, each with the strategies that it is told of; figures stand above."""
-    strategies: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
-        claim, strategy, told, *_ = (cell.strip() for cell in row.strip("|").split("|"))
-        strategies.setdefault((told, claim), []).append(strategy)
-    told_of: dict[str, list[str]] = {}
-    for (told, claim), names in strategies.items():
-        told_of.setdefault(told, []).append(f"{claim} ({', '.join(names)})")
-    return ["| told | claims |", "|---|---|", *(f"| {told} | {'; '.join(of)} |" for told, of in told_of.items())]
+def table_row(label: str, cells: list[str]) -> str:
+    """One row of a Markdown table."""
+    return f"| {' | '.join([label, *cells])} |"
+
+
+def shared(claims: list[str]) -> list[str]:
+    """Each claim once, with all strategies that it is told of."""
+    strategies: dict[str, list[str]] = {}
+    for claim in claims:
+        text, _, strategy = claim.rpartition(" (")
+        strategies.setdefault(text, []).append(strategy.rstrip(")"))
+    return [f"{text} ({', '.join(names)})" for text, names in strategies.items()]
 
 
 def printed(script: str) -> str:
