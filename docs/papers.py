@@ -21,6 +21,11 @@ ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "docs" / "pages"
 KEPT = ROOT / "out" / "papers"
 PICTURES = ("paths", "left", "probe")
+LEFT_OUT = re.compile(
+    r"(depth \w+, (99 %|max)|force \w+, (peak max|jump max|jumps)|error kept by bending, (median|99 %)"
+    r"|probed deviation, mean|Rz )"
+)
+"""Rows of a comparison that no claim rests on and that stay in its folder."""
 BLOCK = "<!-- made by {name} -->{text}<!-- end -->"
 """What is written here stands between such lines."""
 
@@ -48,7 +53,7 @@ def comparisons(parts: list[str]) -> str:
         picture = PAGES / "figures" / f"compared-{name}.png"
         shutil.copy(folders[-1] / f"{name}.png", picture)
         shrink(picture)
-    return "\n\n".join(tables(folder) for folder in folders)
+    return tables(folders)
 
 
 def compared(part: str) -> Path:
@@ -61,10 +66,40 @@ def compared(part: str) -> Path:
     return folder
 
 
-def tables(folder: Path) -> str:
-    """The figures and the claims of one comparison, as it wrote them."""
-    written = (folder / "comparison.md").read_text(encoding="utf-8")
-    return f"### {folder.name}, job `{folder.parent.name}`\n\n{written.rstrip()}"
+def tables(folders: list[Path]) -> str:
+    """One table of the figures and one of the claims, of several parts side by side in each cell and column."""
+    figures: dict[str, list[list[str]]] = {}
+    claims: dict[str, list[list[str]]] = {}
+    for number, folder in enumerate(folders):
+        text = (folder / "comparison.md").read_text(encoding="utf-8")
+        rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line]
+        start = next(at for at, row in enumerate(rows) if row[0] == "claim")
+        for label, *cells in rows[2:start]:
+            if not LEFT_OUT.match(label):
+                figures.setdefault(label, []).append(cells)
+        for claim, strategy, told, *_ in rows[start + 2 :]:
+            of = claims.setdefault(told, [[] for _ in folders])[number]
+            of.append(f"{claim} ({strategy})")
+    names = [f"{folder.name}, job `{folder.parent.name}`" for folder in folders]
+    lines = [f"### {' / '.join(names)}", "", table_row("", rows[0][1:]), "|---|" + "---:|" * len(rows[0][1:])]
+    lines += [table_row(label, [" / ".join(side) for side in zip(*cells)]) for label, cells in figures.items()]
+    lines += ["", table_row("told", [folder.name for folder in folders]), "|---|" + "---|" * len(folders)]
+    lines += [table_row(told, ["; ".join(shared(of)) for of in parts]) for told, parts in claims.items()]
+    return "\n".join(lines)
+
+
+def table_row(label: str, cells: list[str]) -> str:
+    """One row of a Markdown table."""
+    return f"| {' | '.join([label, *cells])} |"
+
+
+def shared(claims: list[str]) -> list[str]:
+    """Each claim once, with all strategies that it is told of."""
+    strategies: dict[str, list[str]] = {}
+    for claim in claims:
+        text, _, strategy = claim.rpartition(" (")
+        strategies.setdefault(text, []).append(strategy.rstrip(")"))
+    return [f"{text} ({', '.join(names)})" for text, names in strategies.items()]
 
 
 def printed(script: str) -> str:
