@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 from scipy.linalg import solveh_banded
 
-from bonecam.arrays import angles_between, lengths, unit
+from bonecam.arrays import angles_between, lengths, settled, unit
 from bonecam.errors import JobError
 from bonecam.job import PathJob
 from bonecam.machine.limits import MachineLimits
@@ -205,8 +205,11 @@ PINNED = 1e6
 """How much more an axis weighs that must stay."""
 TRIES = 12
 """Times that some axes of a pass are kept before all are."""
-LEAST_STEP = 1e-3
-"""Of the way from one contact to the next, mm."""
+CLOSEST, LEAST_WAY = 0.02, 1e-3
+"""Contacts count as so far apart at least, and moves of the tip as so long, mm: with less the spline's equations are
+badly conditioned."""
+EASED_QUANTUM = 2.0**-20
+"""Components of eased axes are multiples of this: they differ by up to 3e-10 from processor to processor."""
 
 
 def eased_axes(
@@ -252,7 +255,7 @@ class _Easing:
         self.joined: Bool[ndarray, " m"] = same & has_axis[1:] & has_axis[:-1]
         self.piece = np.r_[0, np.cumsum(~self.joined)]
         self.inner = np.r_[False, self.joined] & np.r_[self.joined, False]
-        self.steps = np.maximum(lengths(np.diff(path.centres, axis=0)), LEAST_STEP)
+        self.steps = np.maximum(lengths(np.diff(path.centres, axis=0)), CLOSEST)
 
     def eased(self, axes: Float[ndarray, "n 3"], length: float) -> Float[ndarray, "n 3"]:
         """The axes, eased over this length (mm) on the slow passes that are driven sooner with them."""
@@ -273,7 +276,7 @@ class _Easing:
     def _minutes(self, axes: Float[ndarray, "n 3"]) -> tuple[Float[ndarray, " p"], Float[ndarray, " p"]]:
         """Of each piece of a pass at the feed, and as the rotary axes drive it."""
         ways = lengths(np.diff(self.path.cutter.tips_of(self.path.centres, axes), axis=0))
-        at_feed = np.maximum(ways, LEAST_STEP) / self.path.cutter.feed
+        at_feed = np.maximum(ways, LEAST_WAY) / self.path.cutter.feed
         driven = turning_minutes(self.limits, axes, at_feed, self.joined)
         first, second = (
             np.bincount(self.piece[1:], np.where(self.joined, minutes, 0.0), self.piece[-1] + 1)
@@ -292,7 +295,7 @@ class _Easing:
         for i in range(3):
             for j in range(i + 1):
                 band[i - j, j : len(axes) - 2 + j] += bend * second[i] * second[j]
-        found = unit(solveh_banded(band, share[:, None] * axes, lower=True))
+        found = unit(settled(solveh_banded(band, share[:, None] * axes, lower=True), EASED_QUANTUM))
         tried = avoid_singularity(np.where(stay[:, None], axes, found), self.path.centres, self.piece)
         return self.limits.nearest(tried) if self.limits.narrow else tried
 
