@@ -27,7 +27,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -57,7 +57,7 @@ from bonecam.progress import Progress, silent
 from bonecam.report.tables import TABLE, Outcome, failed, outcome_of, read_rows, table_text
 from bonecam.runtime.own_files import PACKAGE, folder_digest, locked
 from bonecam.runtime.staging import remove_abandoned, undisturbed
-from bonecam.runtime.worker import WorkerError, call_in_worker
+from bonecam.runtime.worker import POLL, WorkerError, call_in_worker
 from bonecam.surface.files.tspline_text import TSPLINE
 from bonecam.text.numbers import Faults, shown
 
@@ -405,8 +405,9 @@ def _outcomes(
             progress(part.name, 0.0, WAITING)
             there = replace(part, file=part.file.absolute())  # a worker may be in another folder
             futures[pool.submit(here, there)] = part
-        for future in as_completed(futures):
-            yield _outcome_of(future, futures[future])
+        while futures:  # a signal to another thread, or just before the wait, is heeded once the wait ends
+            for future in wait(futures, POLL, FIRST_COMPLETED).done:
+                yield _outcome_of(future, futures.pop(future))
     finally:
         with undisturbed():
             stopped.set()

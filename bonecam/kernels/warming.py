@@ -118,8 +118,8 @@ def warming(progress: Progress) -> Iterator[None]:
         call_in_worker(work, kernels, progress=lambda *step: ready.append(step), stopped=stopped)
 
     with ThreadPoolExecutor(cores()) as pool:
-        shares = [pool.submit(one, kernels) for kernels in shares_of(cores())]
         try:
+            shares = [pool.submit(one, kernels) for kernels in shares_of(cores())]
             yield
             left: Any = shares
             while left:

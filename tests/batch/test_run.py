@@ -94,35 +94,43 @@ def test_resuming_does_only_what_is_missing_or_was_done_from_something_else(tmp_
 
 SCRIPT = """
 import signal, sys
-from pathlib import Path
-from bonecam.batch import Wanted, convert_many
-from bonecam.batch.run import WAITING
+from functools import partial
+import bonecam
+from bonecam.cli import main
 from batch_orders import WORK
-if __name__ == "__main__":
-    # a shell starts what runs in its background with SIGINT ignored
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        convert_many(sys.argv[2:], sys.argv[1], jobs=2, resume=True, work=WORK)
-    except KeyboardInterrupt:
-        sys.exit(130)
+for kind in (signal.SIGINT, signal.SIGHUP):  # which begin ignored in the background of a shell, or under nohup
+    signal.signal(kind, signal.SIG_DFL)
+bonecam.convert_many = partial(bonecam.convert_many, work=WORK)
+sys.exit(main())
 """
+STOPPED = "bonecam: stopped; finished programs are kept, --resume continues from there\n"
 
 
-@pytest.mark.parametrize(("kind", "code"), [(signal.SIGKILL, -9), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("kind", "to_main", "code"),
+    [(signal.SIGKILL, True, -9), (signal.SIGINT, True, 130), (signal.SIGHUP, True, 129), (signal.SIGHUP, False, 129)],
+)
 @pytest.mark.usefixtures("quick")
-def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(kind, code, tmp_path):
+def test_a_run_that_is_killed_leaves_no_process_and_goes_on_where_it_stopped(kind, to_main, code, tmp_path):
+    """The system may give a signal to any thread. The main one, which Python has heed it, then sleeps on, as where the
+    signal comes just before it goes to sleep."""
     files = meshes(tmp_path, a="good", b="sleep", c="sleep", d="good")
     out = tmp_path / "out"
     (tmp_path / "run.py").write_text(SCRIPT, encoding="utf-8")
+    call = [sys.executable, tmp_path / "run.py", "batch", *files, "-o", out, "--jobs", "2"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen([sys.executable, tmp_path / "run.py", out, *files], env=environment) as run:
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(call, env=environment, **streams) as run:
         try:
             until(lambda: (out / "b.began").exists() and (out / "c.began").exists())
             workers = children(run.pid)
-            run.send_signal(kind)
-            assert run.wait(MAX_WAIT) == code
+            assert len(workers) == 2
+            os.kill(run.pid if to_main else max(threads(run.pid) - {run.pid}), kind)
+            _, said = run.communicate(timeout=MAX_WAIT)
         finally:
             run.kill()
+    assert run.returncode == code
+    assert said == ("" if kind is signal.SIGKILL else STOPPED)
     until(lambda: not any(alive(worker) for worker in workers))
     assert sorted(path.name for path in out.iterdir()) == ["a.h", "a.json", "b.began", "batch.csv", "c.began"]
     assert [row["state"] for row in table(out)] == ["done"]
@@ -144,8 +152,14 @@ def until(answer: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+def threads(process: int) -> set[int]:
+    return {int(place.name) for place in Path(f"/proc/{process}/task").iterdir()}
+
+
 def children(process: int) -> list[int]:
-    return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    """Those of all its threads."""
+    texts = [Path(f"/proc/{process}/task/{thread}/children").read_text() for thread in threads(process)]
+    return [int(word) for text in texts for word in text.split()]
 
 
 def alive(process: int) -> bool:
