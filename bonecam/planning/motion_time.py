@@ -35,7 +35,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from bonecam.arrays import dots, largest, lengths, runs_of, unit
+from bonecam.arrays import dots, frozen, largest, lengths, runs_of, unit
 from bonecam.kernels.motion import ramped_times, rounded_times
 from bonecam.machine.limits import MachineLimits, rotary_turns
 from bonecam.machine.machine import Machine
@@ -76,7 +76,7 @@ def turning_minutes(
     are `joined` from rest to rest; `at_feed` are those of the feed alone."""
     turns = rotary_turns(axes)
     minutes = np.maximum(at_feed, limits.turning_minutes(axes))
-    most = np.array([limits.turn_acceleration, limits.tilt_acceleration])
+    most = frozen([limits.turn_acceleration, limits.tilt_acceleration])
     if not np.isfinite(most).any():
         return minutes
     angles = np.vstack([np.zeros(2), np.cumsum(turns, axis=0)])
