@@ -43,11 +43,10 @@ class ReachedAxes:
 class MachineLimits:
     """Smallest and largest polar angle of the tool axis, radians (B -115..30 with an endless C: 0 .. 115
     degrees), how fast the machine changes its polar angle and azimuth, rad/min, and how fast it speeds these up,
-    rad/min^2. A machine of four axes that turns
-    the part about its own Z has one polar angle. Where the machine does not reach these angles all round, `reached` are
-    its tool axes. `lift_places` tells where the machine's rotary axes come to their limits within a path; None:
-    nowhere. The tool is kept clear of the `bodies`. MachineError where the angles do not lie in order within
-    0 .. 180 degrees."""
+    rad/min^2. A machine of four axes that turns the part about its own Z has one polar angle. Where the machine does
+    not reach these angles all round, `reached` are its tool axes. `lift_places` tells where the machine's rotary axes
+    come to their limits within a path; None: nowhere. The tool is kept clear of the `bodies`. MachineError where the
+    angles do not lie in order within 0 .. 180 degrees."""
 
     largest: float
     smallest: float = 0.0

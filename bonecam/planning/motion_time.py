@@ -69,20 +69,23 @@ def motion_minutes(
     return _driven(joints, at_feed, machine.accelerations, machine.jerks, rule)
 
 
-def turning_minutes(
+def rotary_minutes(
     limits: MachineLimits, axes: Float[ndarray, "n 3"], at_feed: Float[ndarray, " m"], joined: Bool[ndarray, " m"]
 ) -> Float[ndarray, " m"]:
     """Minutes of the n - 1 moves between successive tool axes as the rotary axes drive them, each piece of moves that
-    are `joined` from rest to rest; `at_feed` are those of the feed alone."""
-    turns = rotary_turns(axes)
+    are `joined` from rest to rest; `at_feed` are those of the feed alone. An axis whose acceleration is not known, as
+    one that is locked, holds up by its speed alone."""
     minutes = np.maximum(at_feed, limits.turning_minutes(axes))
-    most = frozen([limits.turn_acceleration, limits.tilt_acceleration])
-    if not np.isfinite(most).any():
+    accelerations = np.array([limits.turn_acceleration, limits.tilt_acceleration])
+    known = np.isfinite(accelerations)
+    if not known.any():
         return minutes
-    angles = np.vstack([np.zeros(2), np.cumsum(turns, axis=0)])
+    most = frozen(accelerations[known])
+    angles = np.vstack([np.zeros(2), np.cumsum(rotary_turns(axes), axis=0)])[:, known]
     for first, end in runs_of(joined):
         piece = slice(first, end)
-        minutes[piece] = _driven(angles[first : end + 1], minutes[piece], most, np.full(2, np.inf), ControlRule())
+        jerks = np.full(len(most), np.inf)
+        minutes[piece] = _driven(angles[first : end + 1], minutes[piece], most, jerks, ControlRule())
     return minutes
 
 
@@ -93,7 +96,7 @@ def _driven(
     jerks: Float[ndarray, " k"],
     rule: ControlRule,
 ) -> Float[ndarray, " m"]:
-    """`motion_minutes` of joints with these accelerations and jerks."""
+    """`motion_minutes` of joints with these accelerations and jerks, the last two of them rotary."""
     minutes = at_feed.copy()
     steps = np.diff(joints, axis=0)
     moving = (largest(np.abs(steps)) > 0) & (at_feed > 0)
@@ -102,7 +105,7 @@ def _driven(
     ways = at_feed[moving]
     rates = steps[moving] / ways[:, None]
     along, across = (ALONG, ACROSS) if rule.parabolic else (1.0, 1.0)
-    tolerances = np.repeat([rule.tolerance, rule.rotary_tolerance], [joints.shape[1] - 2, 2])
+    tolerances = np.repeat([rule.tolerance, rule.rotary_tolerance], [3, 2])[-joints.shape[1] :]
     changes = np.diff(rates, axis=0)
     with np.errstate(divide="ignore"):
         acceleration = along / largest(np.abs(rates) / most)

@@ -11,7 +11,7 @@ from numpy import ndarray
 from bonecam.machine import Machine, read_machine
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.machine.limits import MachineLimits
-from bonecam.planning.motion_time import ControlRule, motion_minutes, turning_minutes
+from bonecam.planning.motion_time import ControlRule, motion_minutes, rotary_minutes
 
 SECONDS = 60
 
@@ -58,12 +58,26 @@ def test_axes_alone_are_driven_by_the_rotary_axes_from_rest_to_rest():
     fast = MachineLimits(2.0, tilt_speed=np.radians(90) * 60, turn_speed=np.radians(100) * 60)
     driven = replace(fast, tilt_acceleration=np.radians(500) * 3600, turn_acceleration=np.radians(800) * 3600)
     joined, at_feed = np.ones(300, dtype=bool), np.full(300, 1e-6)
-    assert turning_minutes(fast, axes, at_feed, joined).sum() * SECONDS == pytest.approx(0.3)
-    assert turning_minutes(driven, axes, at_feed, joined).sum() * SECONDS == pytest.approx(0.3 + 100 / 800, rel=1e-2)
+    assert rotary_minutes(fast, axes, at_feed, joined).sum() * SECONDS == pytest.approx(0.3)
+    assert rotary_minutes(driven, axes, at_feed, joined).sum() * SECONDS == pytest.approx(0.3 + 100 / 800, rel=1e-2)
     joined[149] = False
-    twice = turning_minutes(driven, axes, at_feed, joined).sum() * SECONDS
+    twice = rotary_minutes(driven, axes, at_feed, joined).sum() * SECONDS
     assert twice == pytest.approx(0.3 + 2 * 100 / 800, rel=1e-2)
-    assert turning_minutes(driven, axes, np.ones(300), joined) == pytest.approx(1.0)
+    assert rotary_minutes(driven, axes, np.ones(300), joined) == pytest.approx(1.0)
+
+
+def test_an_axis_that_is_locked_holds_nothing_up():
+    """Its acceleration is not known; that its angle comes out a little off makes no difference."""
+    limits = MachineLimits(2.0, turn_speed=np.radians(100) * 60, turn_acceleration=np.radians(800) * 3600)
+    azimuths = np.array([0.0, 0.0, 0.1, 0.2])
+
+    def minutes(polar: ndarray) -> ndarray:
+        axes = np.column_stack([np.sin(polar) * np.cos(azimuths), np.sin(polar) * np.sin(azimuths), np.cos(polar)])
+        return rotary_minutes(limits, axes, np.full(3, 1e-4), np.ones(3, dtype=bool))
+
+    found = minutes(np.array([1.0, 1.0 + 1e-9, 1.0, 1.0]))
+    assert (found >= 1e-4).all()
+    assert found == pytest.approx(minutes(np.ones(4)), rel=1e-3)
 
 
 def test_a_circle_is_driven_by_its_curvature_however_finely_it_is_sampled():

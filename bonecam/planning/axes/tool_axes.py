@@ -45,7 +45,7 @@ from bonecam.planning.axes.lead import (
     within_limits,
 )
 from bonecam.planning.collision import CollisionChecker, build_fcl_model
-from bonecam.planning.motion_time import turning_minutes
+from bonecam.planning.motion_time import rotary_minutes
 from bonecam.planning.scene import Scene
 from bonecam.plugins import added, run_added
 from bonecam.surface.tspline import TSpline
@@ -205,9 +205,10 @@ PINNED = 1e6
 """How much more an axis weighs that must stay."""
 TRIES = 12
 """Times that some axes of a pass are kept before all are."""
-CLOSEST, LEAST_WAY = 0.02, 1e-3
-"""Contacts count as so far apart at least, and moves of the tip as so long, mm: with less the spline's equations are
-badly conditioned."""
+CLOSEST = 0.02
+"""Contacts count as so far apart at least, mm: with less the spline's equations are badly conditioned."""
+LEAST_WAY = 1e-3
+"""Moves of the tip count as so long at least, mm."""
 EASED_QUANTUM = 2.0**-20
 """Components of eased axes are multiples of this: they differ by up to 3e-10 from processor to processor."""
 
@@ -228,9 +229,8 @@ def eased_axes(
     axes = chosen.axes
     for length in LENGTHS:
         axes = easing.eased(axes, length)
-    changed = (axes != chosen.axes).any(axis=1)
-    beside = changed | np.r_[False, changed[:-1]] | np.r_[changed[1:], False]
-    return replace(chosen, axes=axes, free_in_motion=chosen.free_in_motion & ~beside)
+    kept = (axes == chosen.axes).all(axis=1)
+    return replace(chosen, axes=axes, free_in_motion=chosen.free_in_motion & _with_neighbours(kept))
 
 
 class _Easing:
@@ -260,7 +260,6 @@ class _Easing:
     def eased(self, axes: Float[ndarray, "n 3"], length: float) -> Float[ndarray, "n 3"]:
         """The axes, eased over this length (mm) on the slow passes that are driven sooner with them."""
         at_feed, driven = self._minutes(axes)
-        tried = axes
         stay = ~self.inner | (driven <= SLOW * at_feed)[self.piece]
         for tries in range(TRIES + 1):
             tried = self._smooth(axes, stay, length)
@@ -277,12 +276,12 @@ class _Easing:
         """Of each piece of a pass at the feed, and as the rotary axes drive it."""
         ways = lengths(np.diff(self.path.cutter.tips_of(self.path.centres, axes), axis=0))
         at_feed = np.maximum(ways, LEAST_WAY) / self.path.cutter.feed
-        driven = turning_minutes(self.limits, axes, at_feed, self.joined)
-        first, second = (
-            np.bincount(self.piece[1:], np.where(self.joined, minutes, 0.0), self.piece[-1] + 1)
-            for minutes in (at_feed, driven)
-        )
-        return first, second
+        driven = rotary_minutes(self.limits, axes, at_feed, self.joined)
+
+        def of_pieces(minutes: Float[ndarray, " m"]) -> Float[ndarray, " p"]:
+            return np.bincount(self.piece[1:], np.where(self.joined, minutes, 0.0), self.piece[-1] + 1)
+
+        return of_pieces(at_feed), of_pieces(driven)
 
     def _smooth(self, axes: Float[ndarray, "n 3"], stay: Bool[ndarray, " n"], length: float) -> Float[ndarray, "n 3"]:
         """The smoothing splines of the pieces, through the axes that `stay`."""

@@ -17,7 +17,7 @@ from bonecam.machine.bodies import Frustum
 from bonecam.machine.limits import MachineLimits
 from bonecam.planning.axes.tool_axes import ToolAxes, WantedAxes, choose_axes, eased_axes, judged_axes
 from bonecam.planning.collision import CollisionChecker
-from bonecam.planning.motion_time import turning_minutes
+from bonecam.planning.motion_time import rotary_minutes
 from bonecam.tool.elliptic_cones import EllipticCones
 from bonecam.tool.path import ConeCheck, ContactPath, FreeCones
 from bonecam.workholding.clamping import Clamping
@@ -124,7 +124,7 @@ def test_axes_that_turn_unevenly_become_those_that_a_machine_follows():
 
     def minutes(axes: ndarray) -> float:
         at_feed = np.linalg.norm(np.diff(path.centres - path.cutter.radius * axes, axis=0), axis=1) / 5000
-        return float(turning_minutes(driven, axes, at_feed, np.ones(COUNT - 1, dtype=bool)).sum() / at_feed.sum())
+        return float(rotary_minutes(driven, axes, at_feed, np.ones(COUNT - 1, dtype=bool)).sum() / at_feed.sum())
 
     assert minutes(made.axes) - 1 < 0.5 * (minutes(chosen.axes) - 1)
     assert angles_between(made.axes, chosen.axes).max() < np.radians(0.5)
