@@ -58,7 +58,8 @@ class WarningsJob(JobSection):
     depth: float = millimetres(
         0.05,
         "Depth",
-        "Depth of cut above the limit of a level: told above this, half a cell of the simulation.",
+        "Depth of cut above the limit of a level and the scallop before it: told above this, half a cell of the "
+        "simulation.",
         0.0,
         10.0,
     )

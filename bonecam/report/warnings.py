@@ -310,15 +310,20 @@ def _slender(report: Sections, job: Job) -> Iterator[Warned]:
 
 
 def _depth(report: Sections, job: Job) -> Iterator[Warned]:
-    """Depths of cut above the limits of their levels; the proof refuses them above the scallop before."""
+    """Depths of cut above the limits of their levels and the scallops left before; the proof refuses all but layers."""
     removal = report.get("removal", {})
     if "skipped" in removal:
         text = f"{removal['skipped']}: shank and holder are not checked from the text"
         yield Warned("not_simulated", text, remedy="leave out --no-simulation")
         return
-    over = max((level["over_limit_mm"] or 0.0 for level in removal.get("levels", ())), default=0.0)
+    in_layers = job.path.strategy != "morph"
+    over = 0.0
+    for row in removal.get("levels", ()):
+        if row["over_limit_mm"]:
+            scallop = job.roughing.scallop if in_layers else job.scallop(row["index"] + 1)
+            over = max(over, row["over_limit_mm"] - scallop)
     if over > job.warnings.depth:
-        text = f"in places a cut is up to {over:.2f} mm deeper than its level allows"
+        text = f"in places a cut is up to {over:.2f} mm deeper than its level and the scallops before it allow"
         remedy = "a smaller scallop or shallower cuts help"
         yield Warned("depth", text, over, job.warnings.depth, remedy=remedy)
 

@@ -80,10 +80,19 @@ def test_each_figure_is_told_with_a_remedy_and_refused_beyond_its_second_limit(c
 def test_what_lies_below_the_first_limit_is_not_told():
     few = {**LEFT, "areas_over_mm2": {"0.02": 7.0}}
     report = {
-        "removal": {"left": few, "levels": [{"over_limit_mm": 0.04}]},
+        "removal": {"left": few, "levels": [{"index": 0, "over_limit_mm": 0.04}]},
         "input": {"hole_max_mm": 0.9, "guessed_share": 0.019},
     }
     assert warnings_of(report, JOB) == []
+
+
+def test_a_cut_is_too_deep_beyond_the_scallops_that_the_path_before_it_left():
+    job = JOB.with_values(levels={"depths": "0.1 1.5 1.5", "scallop_share": 0.1})
+    deep = {"index": 1, "over_limit_mm": 0.19}
+    assert warnings_of({"removal": {"levels": [deep]}}, job) == [], "level 2 leaves scallops of 0.15"
+    for row in ({**deep, "over_limit_mm": 0.22}, {**deep, "index": 0}):
+        (warned,) = warnings_of({"removal": {"levels": [row]}}, job)
+        assert warned.code == "depth"
 
 
 def test_a_neck_that_gives_way_is_told_with_what_would_hold_until_the_error_is_known():
