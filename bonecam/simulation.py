@@ -17,6 +17,7 @@ from bonecam.nc.motions import zero_height_of
 from bonecam.nc.parts import joined
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect, machine_and_dialect, second_job
+from bonecam.planning.blank import bar_of
 from bonecam.progress import Progress, part, silent
 from bonecam.report.kept import (
     REMEDY,
@@ -145,11 +146,12 @@ def _simulate_first(
     part, stock_mesh, levels = kept_levels(text, program, keep)
     post = post_below(part, job.holding)
     clamping = clamping_of(job.holding, machine.table)
+    stock = kept_stock(keep, stock_mesh, job.levels.chord_tolerance)
     removal = simulate_removal(
         text,
         machine,
         dialect=dialect,
-        stock=kept_stock(keep, stock_mesh, job.levels.chord_tolerance),
+        stock=stock,
         post=post,
         cutters=cutters_of(job, machine),
         clamping=clamping,
@@ -157,6 +159,7 @@ def _simulate_first(
         limits=depth_limits(text, machine, dialect, job, map(job.levels.depth_onto, range(levels - 1))),
         scallops=level_scallops(job, levels),
         surfaces=followed_surfaces(job, level_meshes(run)) if run else {},
+        bar=bar_of(stock, job.holding),
         accuracy=replace(ACCURACY, cell=cell, coarser=False),
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,
         progress=progress,

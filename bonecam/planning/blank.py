@@ -57,11 +57,13 @@ FAR = 1e6
 """Farther from the axis than any material, mm."""
 LEAST = 0.02
 """A layer that takes less is none, mm."""
-DEPTH_SHARE = 0.5
+DEPTH_SHARE = 0.75
 """Of its radius, that the ball takes with one layer, cusps of the layer before included: the bar is many times as stiff
-as the part on its neck, for which `tool.cutter.REST_SHARE` holds."""
+as the part on its neck, for which `tool.cutter.REST_SHARE` holds, and while C turns it chips are thin."""
 CUSP = 0.1
-"""Cusps that a layer leaves, mm; the levels follow."""
+"""Cusps that the last layers leave, mm; the levels follow."""
+CUSP_SHARE = 0.1
+"""Of its radius, cusps that the ball leaves before a layer follows."""
 AROUND = 0.5
 """The links keep out of a capsule that is so much larger than the bar, mm."""
 
@@ -135,16 +137,19 @@ Line = tuple[Float[ndarray, " s"], Float[ndarray, " s"]]
 @dataclass(frozen=True, eq=False)
 class Lathe:
     """How a cutter takes the material down to what stays: `final` distances of its centre at the heights, no lower than
-    `lowest`; a layer is `depth` deep at most."""
+    `lowest`; a layer is `depth` deep at most, where the layer before left no cusps."""
 
     cutter: Cutter
     final: Float[ndarray, " k"]
     lowest: float
     depth: float
 
-    def layers(self, material: Profile, stays: Profile, within: Bool[ndarray, " k"]) -> Iterator[list[Line]]:
-        """The stretches of each layer among these heights, from the top down. A layer follows what `stays`, at equal
-        distances, and brings the ball's centre no farther than `depth` from where it could be before."""
+    def layers(
+        self, material: Profile, stays: Profile, within: Bool[ndarray, " k"]
+    ) -> Iterator[tuple[list[Line], float]]:
+        """The stretches of each layer among these heights, from the top down, and the cusps (mm) that are left. A layer
+        follows what `stays`, at equal distances, and brings the ball's centre no farther than `depth` from where it
+        could be before."""
         heights, there = material.heights, within & (material.heights >= self.lowest)
         clear = np.maximum(material.around(self.cutter.radius), self.final)
         before = np.where(heights < self.lowest, FAR, clear)  # nothing is reached from below
@@ -163,7 +168,7 @@ class Lathe:
             cuts = before - after > LEAST
             stretches = [(after[a:b][::-1], heights[a:b][::-1]) for a, b in runs_of(cuts) if b - a > 1]
             if stretches:
-                yield stretches[::-1]
+                yield stretches[::-1], CUSP if more == 0.0 else CUSP_SHARE * self.cutter.radius
             elif more == 0.0:
                 return
             before = np.where(cuts, after, before)
@@ -239,28 +244,30 @@ def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: 
     paths: list[ToolPath] = []
     for cutter in parting_cutters(job, limits.bodies):
         final = np.maximum(stays.around(cutter.radius), NEAREST)
-        lathe = Lathe(cutter, final, stub.top + cutter.radius, blank_depth(cutter) - CUSP)
+        lathe = Lathe(cutter, final, stub.top + cutter.radius, blank_depth(cutter) - CUSP_SHARE * cutter.radius)
         for upper in (True, False):
-            for stretches in lathe.layers(material, stays, (heights > cap) == upper):
+            for stretches, cusp in lathe.layers(material, stays, (heights > cap) == upper):
                 after = material
                 for away, at in stretches:
                     after = after.without(away, at, cutter.radius)
                 scene = _scene(material, stays, stock, bar, post, clamping, job, cutter)
-                layer = _contacts(stretches, lathe, stays, job, upper, number=len(paths) + 1)
+                layer = _contacts(stretches, lathe, stays, job, cusp, upper, number=len(paths) + 1)
                 paths.append(_leaning(layer, scene, limits, job, (UPRIGHT, *LEANS) if upper else LEANS))
                 material = after
     return paths
 
 
-def _contacts(stretches: list[Line], lathe: Lathe, stays: Profile, job: Job, upper: bool, number: int) -> ContactPath:
-    """The contacts of a layer, a pass each stretch, from the top down; seen from above clockwise at the `upper` end,
-    where the tool stands along the bar and climbs so, else counter-clockwise."""
+def _contacts(
+    stretches: list[Line], lathe: Lathe, stays: Profile, job: Job, cusp: float, upper: bool, number: int
+) -> ContactPath:
+    """The contacts of a layer that leaves a `cusp` (mm), a pass each stretch, from the top down; seen from above
+    clockwise at the `upper` end, where the tool stands along the bar and climbs so, else counter-clockwise."""
     cutter, sense = lathe.cutter, -1.0 if upper else 1.0
     parts = []
     for index, (away, at) in enumerate(stretches):
         half = np.arccos(1 - job.path.chord_tolerance / float(away.max()))
         turn = min(2 * half, MAX_STEP / float(away.max()), MOST_TURN)
-        angle, radii, z = helix(away, at, flat_step(cutter.radius, CUSP), turn)
+        angle, radii, z = helix(away, at, flat_step(cutter.radius, cusp), turn)
         angle *= sense
         # The normal of what stays where the ball touches it, else away from the axis
         final = np.interp(z, stays.heights, lathe.final)
@@ -307,7 +314,7 @@ def _scene(
     around = Capsule(np.array([0.0, 0.0, stub.bottom]), np.array([0.0, 0.0, bar.top]), bar.radius + AROUND)
     return Scene(
         level=stock.mesh(job.path.chord_tolerance),
-        material=material.mesh(job.path.chord_tolerance, CUSP),
+        material=material.mesh(job.path.chord_tolerance, max(CUSP, CUSP_SHARE * cutter.radius)),
         stock=around,
         post=post,
         clamping=replace(clamping, stub=foot),

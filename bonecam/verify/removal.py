@@ -411,7 +411,9 @@ def layer_limits(text: str, motions: Motions, dialect: Dialect, job: Job) -> dic
 def level_scallops(job: Job, levels: int) -> dict[int, float]:
     """The scallop (mm) that the path of each of so many levels may leave; none of layers, which leave those of their
     cutters."""
-    return {index: job.scallop(index) for index in range(levels)} if job.path.strategy == "morph" else {}
+    if job.path.strategy != "morph":
+        return {}
+    return {index: job.scallop(index) for index in range(levels)} | {BLANK: CUSP}
 
 
 def followed_surfaces(job: Job, meshes: Mapping[int, TriangleMesh]) -> dict[int, TriangleMesh]:
@@ -458,7 +460,7 @@ def prove_removal(
         clamping=clamping,
         part=morph_surfaces(levels)[0],
         limits=depth_limits(text, machine, dialect, job, (level.limit for level in levels[1:])),
-        scallops=level_scallops(job, len(levels)) | {BLANK: CUSP},
+        scallops=level_scallops(job, len(levels)),
         surfaces=followed_surfaces(job, {level.index: level.mesh for level in levels}),
         accuracy=ACCURACY,
         workpiece=workpiece_of(job, post, clamping) if mechanics else None,

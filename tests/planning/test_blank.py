@@ -21,6 +21,7 @@ from bonecam.report.tables import apt_text
 from bonecam.setup import Capsule, Setup, schedule_of
 from bonecam.setup.placement import place
 from bonecam.setup.stocks.box import Box
+from bonecam.simulation import simulate
 from bonecam.tool.path import BLANK, MoveKind
 from bonecam.verify import Accuracy, simulate_removal
 from bonecam.verify.clearances import nearest_body
@@ -169,6 +170,7 @@ def test_a_part_comes_out_of_a_sawn_bar(tmp_path):
         mesh_of(pebble(), around=40, along=50),
         Job().with_values(holding={"neck": "milled"}, nc={"probe": True}),
         program=tmp_path / "p.h",
+        keep=tmp_path / "kept",
     )
     text = (tmp_path / "p.h").read_text()
     assert "DATUM: P_PROBE WRITES IT" in text
@@ -179,5 +181,8 @@ def test_a_part_comes_out_of_a_sawn_bar(tmp_path):
     assert "run p_probe.h once" in result.sheet
     assert "MILLED FIRST FROM A PLAIN BAR" in text
     assert "TURNED" not in text
-    assert result.report["removal"]["levels"][0]["index"] == BLANK
+    levels = result.report["removal"]["levels"]
+    assert levels[0]["index"] == BLANK
+    again = simulate(tmp_path / "p.h", tmp_path / "kept", mechanics=False)
+    assert [one.removed for one in again.levels] == pytest.approx([one["removed_mm3"] for one in levels], rel=0.02)
     assert result.report["removal"]["left"]["gouge_max_mm"] <= 0.01
