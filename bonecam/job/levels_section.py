@@ -81,7 +81,7 @@ class LevelsJob(JobSection):
         0.0,
         "Scallop share",
         "Before a roughing cut a level may keep scallops of this share of its depth, where that is more than "
-        "roughing.scallop; 0: 0.1 where depths are found, else none.",
+        "roughing.scallop; 0: 0.2 where depths are found, else none.",
         0.0,
         0.5,
     )

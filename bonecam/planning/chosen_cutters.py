@@ -68,7 +68,9 @@ FEW = "has no ball ends for all sections: add some, or state the radius of every
 HOPEFUL = 1.3
 """Other necks are tried for the sets that cost no more than so many times the best on the thickest."""
 EQUAL = 1.1
-"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress, to 10 MPa, is taken."""
+"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress is taken."""
+STRESS_STEP = 20.0
+"""Stresses are told apart in steps of this, MPa."""
 SHOWN = 3
 """Sets that are reported."""
 
@@ -211,7 +213,7 @@ class _Trial:
         ]
         found.sort(key=_order)
         equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
-        best = min(equal or found[:1], key=lambda one: (round(one.neck.stress_mpa, -1), one.cost), default=None)
+        best = min(equal or found[:1], key=lambda one: (round(one.neck.stress_mpa / STRESS_STEP), one.cost), default=None)
         return sorted(found, key=lambda one: one is not best)
 
     def finer(self, taken: CutterSet, listed: Sequence[ListedTool]) -> dict[str, Any]:

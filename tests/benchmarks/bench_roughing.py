@@ -21,10 +21,9 @@ level. What stands outside the level then is charged at the mm3/min of the level
     driven: instead the layers' arcs as the axes drive them, from rest to rest, a link each; and level 1 in full also
 after layers down to it, for it meets stairs all over the part. Still no collisions and entries.
 
-With --others, for the phalanx and cancelled after so many minutes each: what
-bonecam has of 3+2, proved, with entries and retracts: the roughing of `iso-height`, a ball in layers of 0.5 and of
-1.5 mm from two sides on the clamping of the default job, charged as 3+2 down to level 1, though its own finishing takes
-the stairs.
+With --others, cancelled after so many minutes each: what bonecam has of 3+2, proved, with entries and retracts: the
+roughing of `iso-height`, the ball of the default job in layers of 0.5 mm and as deep as its deepest level, from two
+sides on its clamping, charged as 3+2 down to level 1, though its own finishing takes the stairs.
 """
 
 import argparse
@@ -72,11 +71,6 @@ from bonecam.workholding.post import post_below
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "meshes" / "bones"
 NAMES = ("phalanx", "3midph", "capitate", "1mc")
-OTHERS: dict[str, dict[str, Any]] = {
-    "iso-height": {"path": {"strategy": "iso-height", "fine_cutter": False}},
-    "iso-height-deep": {"path": {"strategy": "iso-height", "fine_cutter": False}, "levels": {"roughing_depth": 1.5}},
-}
-"""What the phalanx is converted with too; iso-height with cutters and clamping of the default job."""
 CELLS = 160
 """Voxels along the stock: 0.2 mm for one of 32 mm."""
 SHAPES = {"flat": 0.0, "bull": 0.25, "ball": 1.0}
@@ -385,14 +379,14 @@ def rows_of_layers(name: str, levels: Levels) -> Iterator[str]:
         yield line(name, f"3+2, {one.tilts} tilts", one.to, f"{one.shape} {one.diameter}", size, found, one.peak)
 
 
-def row_of_iso_height(levels: Levels, own: Levels) -> str:
+def row_of_iso_height(name: str, levels: Levels, own: Levels) -> str:
     """The row of bonecam's roughing layers from two sides, which its levels 1 and 0 finish."""
     bound, driven, removed = own.roughed(2)
     _, of_levels, taken = levels.roughed(1)
     stands, turns = max(taken - removed, 0.0), tilt_minutes(levels, 2, another=False)
     minutes = bound + turns + stands * of_levels / taken, driven + turns + float(levels.minutes[1][1])
     tool, depth = f"ball {2 * own.job.roughing.radius:g}", f"{own.job.levels.layer_depth:g}"
-    return line("phalanx", "iso-height", 1, tool, depth, (*minutes, removed, stands), own.peak(2))
+    return line(name, "iso-height", 1, tool, depth, (*minutes, removed, stands), own.peak(2))
 
 
 def converted(name: str, folder: Path, job: Job, minutes: float = np.inf) -> Levels | str:
@@ -424,14 +418,11 @@ def main() -> None:
             print(levels)
             continue
         rows = [rows_of_levels(name, levels)]
-        for other, changes in OTHERS.items() if given.others and name == "phalanx" else ():
-            iso = other.startswith("iso")
-            job = (levels.job if iso else Job()).with_values(**changes)
-            own = converted(name, given.folder / f"{name}-{other}", job, given.others)
-            if isinstance(own, str):
-                rows.append(iter([own]))
-            else:
-                rows.append(iter([row_of_iso_height(levels, own)]) if iso else rows_of_levels(name, own))
+        for depth in (0.5, max(levels.job.levels.listed)) if given.others else ():
+            path = {"strategy": "iso-height", "fine_cutter": False}
+            job = levels.job.with_values(path=path, levels={"roughing_depth": depth})
+            own = converted(name, given.folder / f"{name}-{depth:g}", job, given.others)
+            rows.append(iter([own if isinstance(own, str) else row_of_iso_height(name, levels, own)]))
         for row in chain(*rows, rows_of_layers(name, levels)):
             print(row, flush=True)
         rough.cache_clear()
