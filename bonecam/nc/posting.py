@@ -1,9 +1,9 @@
 """Posting: from tool paths to the text of a program, the dialect's templates filled with the words of the posted
 paths.
 
-A program is one section a level, which begins with all that a restart there needs: modes, datum, tool call, spindle.
-In it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the control has
-it, approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where
+A program is one section for each tool on a level, which begins with all that a restart there needs: modes, datum, tool
+call, spindle. In it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the
+control has it, approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where
 feed moves begin to cut, or to lead from one pass to another. Before them stands the header: what must be mounted, how
 the control must be set, and what the program will do, as comments; the blank; the safe start. Behind the last retract
 the table is levelled and the spindle parked, where a job asks for it.
@@ -91,7 +91,7 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
     numbers = [one.path.cutter.number for one in posted]
     changes = 1 + sum(a != b for a, b in pairwise(numbers))
     starts = len(posted) if job.nc.optional_stop == "level" else changes
-    runs = sum(len(one.runs) for one in posted)
+    runs = sum(len(one.runs) - goes_on(before, one, job.nc) for before, one in zip([None, *posted], posted))
     by_hand = changes if job.nc.tool_change == "stop" else 0
     seconds = (changes - by_hand) * machine.seconds.tool_change + starts * machine.seconds.spindle_start
     if "{retract}" not in posted[0].dialect.templates.retract:
@@ -99,7 +99,7 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
     # the turns of rotary axes to where runs begin are among these ways
     turns = sum(float(one.driven_minutes[[first for first, _ in one.runs]].sum()) for one in posted)
     ways = 0.0
-    for one, way in _ways(posted, start):
+    for one, way in _ways(posted, start, job.nc):
         # rapid moves between joints, each from rest to rest
         fastest = axis_minutes(machine, way)[1:]
         if not one.dialect.straight_rapids:
@@ -108,21 +108,37 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
     return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed, blank)
 
 
-def _ways(posted: Sequence[Posted], start: Float[ndarray, "3"]) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:
+def goes_on(before: Posted | None, posted: Posted, nc: NcJob) -> bool:
+    """Whether a path begins where the one `before` it ended, on its level and with its cutter, so that the tool stays:
+    a level's rest paths and its own one are one section of the program, unless each has a file or a stop."""
+    if before is None or is_split(nc) or nc.optional_stop == "level":
+        return False
+    a, b = before.path, posted.path
+    same = (a.level, a.cutter.number) == (b.level, b.cutter.number)
+    return same and np.array_equal(a.tips[-1], b.tips[0]) and np.array_equal(a.axes[-1], b.axes[0])
+
+
+def _ways(
+    posted: Sequence[Posted], start: Float[ndarray, "3"], nc: NcJob
+) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:
     """The joints between two runs: from the end of one up, to where tools start, the turn of the rotary axes, over the
-    approach, down to it and to the first row of the next; behind the last run up alone."""
+    approach, down to it and to the first row of the next; behind the last run up alone. A path that `goes_on` begins
+    with its first row."""
     retract = float(start[2])
     at = [np.r_[start, _level(posted[0], posted[0].joints[0])]]
-    for one in posted:
+    for before, one in zip([None, *posted], posted):
         for run, (first, end) in enumerate(one.runs):
             words = (above(one, run, retract), one.approaches[run], lifted(one, run, retract))
             high, low, over = joints_and_lengths(one.control, np.array(words))[0]
-            if not run and "{over_zero}" in one.dialect.templates.tool:
-                at.append(np.r_[start, at[-1][3:]])
-            if one.dialect.starts_at_zero:
-                at.append(np.r_[start, _level(one, at[-1])])
-            turned = np.r_[at[-1][:3], low[3:]]
-            yield one, np.array([*at, turned, high, low, one.joints[first]])
+            if not run and goes_on(before, one, nc):
+                yield one, np.array([at[0], one.joints[first]])
+            else:
+                if not run and "{over_zero}" in one.dialect.templates.tool:
+                    at.append(np.r_[start, at[-1][3:]])
+                if one.dialect.starts_at_zero:
+                    at.append(np.r_[start, _level(one, at[-1])])
+                turned = np.r_[at[-1][:3], low[3:]]
+                yield one, np.array([*at, turned, high, low, one.joints[first]])
             at = [one.joints[end - 1], over]
     yield posted[-1], np.array(at)
 
@@ -258,11 +274,15 @@ class ProgramWriter:
         lines = self._header()
         sections = list[Section]()
         tool = None
-        for posted in self.posted:
-            blocks = self._begin(posted, tool)
+        on = [goes_on(*pair, self.job.nc) for pair in zip([None, *self.posted], self.posted)]
+        for posted, comes, goes in zip(self.posted, on, [*on[1:], False]):
+            blocks = [comment(posted.path.title, self.dialect)] if comes else self._begin(posted, tool)
             tool = posted.path.cutter.number
             for index in range(len(posted.runs)):
-                blocks += self._run(posted, index)
+                blocks += [] if comes and not index else self._approach(posted, index)
+                blocks += row_blocks(posted, posted.runs[index], self.machine, self.dialect)
+                self.moves += int(np.diff(posted.runs[index])[0])
+                blocks += [] if goes and index == len(posted.runs) - 1 else self._retract(posted, index)
             sections.append(Section(posted.path.title, tool, blocks))
         if is_split(self.job.nc):
             lines += marked_parts(sections, self.name, self.dialect, self.job.nc)
@@ -378,11 +398,10 @@ class ProgramWriter:
         text = blocks.format(tool=posted.path.cutter.number, height=height)
         return self._counted([line for line in text.split("\n") if line])
 
-    def _run(self, posted: Posted, index: int) -> list[str]:
-        """The blocks of one run: turn the rotary axes, approach along the tool axis, machine, retract."""
+    def _approach(self, posted: Posted, index: int) -> list[str]:
+        """The blocks before a run: turn the rotary axes, approach along the tool axis."""
         words = word_texts(self.machine, self.dialect, posted.approaches[index])
         high = word_texts(self.machine, self.dialect, above(posted, index, float(self.start[2])))
-        end = word_texts(self.machine, self.dialect, lifted(posted, index, float(self.start[2])))
         lines = [comment(REWIND, self.dialect)] if index else []
         # the rotary axes to the run's angles and tool-centre control on: in this order, or where it starts at zero the
         # other way round
@@ -404,12 +423,12 @@ class ProgramWriter:
         # where the turn under tool-centre control ends above the approach, there is no way to there
         there = f" {' '.join(high[:3])} " in lines[-1]
         lines += self._counted(approach[1:] if there else approach)
-        if self.job.nc.coolant:
-            lines += self.dialect.lines("coolant_on")
-        lines += row_blocks(posted, posted.runs[index], self.machine, self.dialect)
-        self.moves += int(np.diff(posted.runs[index])[0])
-        if self.job.nc.coolant:
-            lines += self.dialect.lines("coolant_off")
+        return lines + (self.dialect.lines("coolant_on") if self.job.nc.coolant else [])
+
+    def _retract(self, posted: Posted, index: int) -> list[str]:
+        """The blocks behind a run."""
+        end = word_texts(self.machine, self.dialect, lifted(posted, index, float(self.start[2])))
+        lines = self.dialect.lines("coolant_off") if self.job.nc.coolant else []
         lift = self._moving("lift", lifted=" ".join(end[:3]), rapid=self.rapid)
         lines += [comment(MoveKind.LINK.name, self.dialect), *lift] if lift else []
         return lines + self._switch(self.off, posted, "") + self._moving("retract", retract=self.retract)

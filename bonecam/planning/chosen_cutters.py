@@ -213,7 +213,9 @@ class _Trial:
         ]
         found.sort(key=_order)
         equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
-        best = min(equal or found[:1], key=lambda one: (round(one.neck.stress_mpa / STRESS_STEP), one.cost), default=None)
+        best = min(
+            equal or found[:1], key=lambda one: (round(one.neck.stress_mpa / STRESS_STEP), one.cost), default=None
+        )
         return sorted(found, key=lambda one: one is not best)
 
     def finer(self, taken: CutterSet, listed: Sequence[ListedTool]) -> dict[str, Any]:

@@ -108,6 +108,17 @@ def test_it_is_told_what_comes_nearest_to_what(removal):
         assert nearest_body(pieces, cutter, replace(CLAMPING, closed=True)) == name
 
 
+def test_the_tool_stays_at_the_part_from_layer_to_layer(paths):
+    def counts(**nc):
+        text = write_program(paths, MACHINE, DIALECT, JOB.with_values(nc=nc)).text
+        return re.findall(r"; BLANK (\d+)", text), text.count("A RESTART MAY BEGIN HERE")
+
+    layers = [str(path.rest) for path in paths]
+    assert counts() == (layers, 1)
+    assert counts(optional_stop="level") == (layers, len(paths) - 1)
+    assert counts(split="level") == (layers, len(paths))
+
+
 def test_cutter_location_data_keep_the_blank(paths):
     read = read_apt(apt_text(paths))
     assert {path.level for path in read.paths} == {BLANK}
