@@ -3,10 +3,10 @@ paths.
 
 A program is one section for each tool on a level, which begins with all that a restart there needs: modes, datum, tool
 call, spindle. In it are one or more runs: retract, turn the rotary axes off the part, tool-centre control on where the
-control has it, approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK stand where
-feed moves begin to cut, or to lead from one pass to another. Before them stands the header: what must be mounted, how
-the control must be set, and what the program will do, as comments; the blank; the safe start. Behind the last retract
-the table is levelled and the spindle parked, where a job asks for it.
+control has it, approach along the tool axis, the moves, tool-centre control off, retract. The comments CUT and LINK
+stand where feed moves begin to cut, or to lead from one pass to another. Before them stands the header: what must be
+mounted, how the control must be set, and what the program will do, as comments; the blank; the safe start. Behind the
+last retract the table is levelled and the spindle parked, where a job asks for it.
 
 The time of a program is that at its feeds, as the axes drive it, and with what is between its runs.
 """
