@@ -143,3 +143,8 @@ class NcJob(JobSection):
     probe_length: float = millimetres(
         50.0, "Probe length", "Length of the stylus, from the middle of its ball to the body of the probe.", 5.0, 500.0
     )
+
+    @property
+    def one_piece(self) -> bool:
+        """Whether the program is one file without a stop at each level."""
+        return self.split == "none" and not self.split_blocks and self.optional_stop != "level"

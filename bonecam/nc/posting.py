@@ -62,6 +62,7 @@ from bonecam.nc.words import (
     word_texts,
 )
 from bonecam.planning.blank import bar_of
+from bonecam.planning.links import goes_on
 from bonecam.planning.motion_time import ControlRule, motion_minutes
 from bonecam.progress import Progress, report, silent
 from bonecam.setup.stock import Stock
@@ -91,7 +92,7 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
     numbers = [one.path.cutter.number for one in posted]
     changes = 1 + sum(a != b for a, b in pairwise(numbers))
     starts = len(posted) if job.nc.optional_stop == "level" else changes
-    runs = sum(len(one.runs) - goes_on(before, one, job.nc) for before, one in zip([None, *posted], posted))
+    runs = sum(len(one.runs) - _stays(before, one, job.nc) for before, one in zip([None, *posted], posted))
     by_hand = changes if job.nc.tool_change == "stop" else 0
     seconds = (changes - by_hand) * machine.seconds.tool_change + starts * machine.seconds.spindle_start
     if "{retract}" not in posted[0].dialect.templates.retract:
@@ -108,29 +109,25 @@ def program_time(posted: Sequence[Posted], start: Float[ndarray, "3"], job: Job)
     return ProgramTime(feed, minutes, axes, axes - turns + ways + seconds / 60, by_hand, assumed, blank)
 
 
-def goes_on(before: Posted | None, posted: Posted, nc: NcJob) -> bool:
-    """Whether a path begins where the one `before` it ended, on its level and with its cutter, so that the tool stays:
-    a level's rest paths and its own one are one section of the program, unless each has a file or a stop."""
-    if before is None or is_split(nc) or nc.optional_stop == "level":
-        return False
-    a, b = before.path, posted.path
-    same = (a.level, a.cutter.number) == (b.level, b.cutter.number)
-    return same and np.array_equal(a.tips[-1], b.tips[0]) and np.array_equal(a.axes[-1], b.axes[0])
+def _stays(before: Posted | None, posted: Posted, nc: NcJob) -> bool:
+    """Whether the tool stays at the part from one path to the next: a level's rest paths and its own one are one
+    section of the program, unless each has a file or a stop."""
+    return nc.one_piece and before is not None and goes_on(before.path, posted.path)
 
 
 def _ways(
     posted: Sequence[Posted], start: Float[ndarray, "3"], nc: NcJob
 ) -> Iterator[tuple[Posted, Float[ndarray, "k 5"]]]:
     """The joints between two runs: from the end of one up, to where tools start, the turn of the rotary axes, over the
-    approach, down to it and to the first row of the next; behind the last run up alone. A path that `goes_on` begins
-    with its first row."""
+    approach, down to it and to the first row of the next; behind the last run up alone. A path in which
+    the tool stays at the part begins with its first row."""
     retract = float(start[2])
     at = [np.r_[start, _level(posted[0], posted[0].joints[0])]]
     for before, one in zip([None, *posted], posted):
         for run, (first, end) in enumerate(one.runs):
             words = (above(one, run, retract), one.approaches[run], lifted(one, run, retract))
             high, low, over = joints_and_lengths(one.control, np.array(words))[0]
-            if not run and goes_on(before, one, nc):
+            if not run and _stays(before, one, nc):
                 yield one, np.array([at[0], one.joints[first]])
             else:
                 if not run and "{over_zero}" in one.dialect.templates.tool:
@@ -274,7 +271,7 @@ class ProgramWriter:
         lines = self._header()
         sections = list[Section]()
         tool = None
-        on = [goes_on(*pair, self.job.nc) for pair in zip([None, *self.posted], self.posted)]
+        on = [_stays(*pair, self.job.nc) for pair in zip([None, *self.posted], self.posted)]
         for posted, comes, goes in zip(self.posted, on, [*on[1:], False]):
             blocks = [comment(posted.path.title, self.dialect)] if comes else self._begin(posted, tool)
             tool = posted.path.cutter.number

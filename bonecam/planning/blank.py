@@ -25,6 +25,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.solids import revolve, segments_around
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.planning.layers import flat_step
+from bonecam.planning.links import without_returns
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.scene import Scene
 from bonecam.planning.spacing import MAX_STEP
@@ -252,9 +253,10 @@ def blank_paths(stock: Stock, post: Post, clamping: Clamping, job: Job, limits: 
                     after = after.without(away, at, cutter.radius)
                 scene = _scene(material, stays, stock, bar, post, clamping, job, cutter)
                 layer = _contacts(stretches, lathe, stays, job, cusp, upper, number=len(paths) + 1)
-                paths.append(_leaning(layer, scene, limits, job, (UPRIGHT, *LEANS) if upper else LEANS))
+                leans = (UPRIGHT, *LEANS) if upper else LEANS
+                paths.append(_leaning(layer, scene, limits, job, leans, paths[-1] if paths else None))
                 material = after
-    return paths
+    return without_returns(paths)
 
 
 def _contacts(
@@ -321,14 +323,21 @@ def _scene(
     )
 
 
-def _leaning(contacts: ContactPath, scene: Scene, limits: MachineLimits, job: Job, leans: Sequence[float]) -> ToolPath:
-    """The path of a layer with the first of these angles (rad) with which all of it is cut."""
+def _leaning(
+    contacts: ContactPath,
+    scene: Scene,
+    limits: MachineLimits,
+    job: Job,
+    leans: Sequence[float],
+    before: ToolPath | None,
+) -> ToolPath:
+    """The path of a layer with the first of these angles (rad) with which all of it is cut, `before` it that path."""
     out = contacts.normals * [1.0, 1.0, 0.0]
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     for lean in leans:
         axes = np.sin(lean) * np.array([0.0, 0.0, 1.0]) + (np.cos(lean) if lean < UPRIGHT else 0.0) * out
         try:
-            path = orient(contacts, scene, limits, job.path, job.nc, fixed=axes)
+            path = orient(contacts, scene, limits, job.path, job.nc, fixed=axes, before=before)
         except OrientationError:
             continue
         if not len(path.uncut):

@@ -44,6 +44,7 @@ from bonecam.planning.contacts import (
     flute_slack,
 )
 from bonecam.planning.estimate import cutter_of, depth_limits
+from bonecam.planning.links import without_returns
 from bonecam.planning.oriented_path import orient
 from bonecam.planning.parting import parting_paths
 from bonecam.planning.rest_machining import RestMachining, after_steps, held_axes, too_deep
@@ -247,7 +248,7 @@ class _Planning:
                 patterns = thread.submit(self._rest_patterns, level_contacts, allowed.scallop)
             smooth = level_axes(contacts, level, scene, self.limits, self.job.path, before=before)
 
-        def cut(contacts: ContactPath, material: InProcessStock, own: bool = False) -> Cut:
+        def cut(contacts: ContactPath, material: InProcessStock, before: ToolPath | None, own: bool = False) -> Cut:
             def oriented(contacts: ContactPath) -> ToolPath:
                 job = self.job
                 wanted = smooth.wanted_for(contacts) if smooth is not None else None
@@ -264,6 +265,7 @@ class _Planning:
                     fixed=fixed,
                     material=material,
                     explained=own and fixed is None,
+                    before=before,
                 )
 
             return cut_within_depth(contacts, material, level, allowed if own else allowed.of_step, oriented)
@@ -272,8 +274,8 @@ class _Planning:
         if patterns is not None:
             material, rest = _take_rest(patterns.result(), material, allowed, cut, self.limits.turn_speed)
             contacts = contact_path(level_contacts.candidates, material, allowed, allowed.deepest)
-        path, after = cut(contacts, material, True)
-        return [*rest, path], after, smooth
+        path, after = cut(contacts, material, rest[-1] if rest else None, True)
+        return without_returns([*rest, path]), after, smooth
 
     def _candidates(
         self, level: MachinedLevel, distance: MeshDistance, cutter: Cutter, job: PathJob
@@ -301,7 +303,7 @@ def _take_rest(
     patterns: Sequence[CandidateContacts],
     material: InProcessStock,
     allowed: DepthLimits,
-    cut: Callable[[ContactPath, InProcessStock], Cut],
+    cut: Callable[[ContactPath, InProcessStock, ToolPath | None], Cut],
     turn_speed: float,
 ) -> tuple[InProcessStock, list[ToolPath]]:
     """The rest paths of a level, whose contacts are given in several patterns, and the material after them."""
@@ -312,7 +314,7 @@ def _take_rest(
         if not len(contacts.contacts):
             break
         try:
-            path, material = cut(contacts, material)
+            path, material = cut(contacts, material, paths[-1] if paths else None)
         except OrientationError:
             # none of these places can be reached: the level's own path leaves them out too, and tells so
             continue

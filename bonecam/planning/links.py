@@ -34,6 +34,7 @@ was to go.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import combinations, pairwise, product
 
@@ -59,6 +60,7 @@ from bonecam.planning.link_space import (
     TraverseOptions,
     join_moves,
     moves_of,
+    traverse,
     without_rests,
 )
 from bonecam.tool.path import ContactPath, MoveKind, ToolPath
@@ -559,6 +561,10 @@ LIFT_TRAVERSES = (TraverseOptions(one_azimuth=True), TraverseOptions(rise=5.0, o
 its limit stands still."""
 
 
+ON_SURFACE = 1e-6
+"""A pose so much below the clearance surface is on it, mm."""
+
+
 def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
     """The path with as few lifts as the machine's rotary axes need, where the tool gets away and back without
     collision; MachineError with the level where it does not, or its axes do not reach."""
@@ -577,17 +583,15 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
         behind = row + 1 + np.cumsum(inside)
         source = np.insert(np.arange(len(path.tips)), row[inside] + 1, row[inside] + 1)
         points = (behind - 1)[inside]
-        names = ("kinds", "pass_index", "feed_rates", "parameters", "contacts", "tips", "axes")
-        arrays = {name: getattr(path, name)[source] for name in names}
+        whole, rows = path.take(source), behind
         balls = (1 - fraction) * path.balls[row] + fraction * path.balls[row + 1]
-        arrays["axes"][points] = axes[inside]
-        arrays["tips"][points] = path.cutter.tips_of(balls, axes)[inside]
-        for name in ("parameters", "contacts"):
-            values = getattr(path, name)
-            arrays[name][points] = ((1 - fraction) * values[row] + fraction * values[row + 1])[inside]
-        new = np.isin(np.arange(len(source)), points)
-        cones = path.cones.at(np.where(new, -1, source)) if path.cones else None
-        whole, rows = replace(path, **arrays, cones=cones), behind
+        whole.axes[points] = axes[inside]
+        whole.tips[points] = path.cutter.tips_of(balls, axes)[inside]
+        for new, old in ((whole.parameters, path.parameters), (whole.contacts, path.contacts)):
+            new[points] = ((1 - fraction) * old[row] + fraction * old[row + 1])[inside]
+        if path.cones:
+            new = np.isin(np.arange(len(source)), points)
+            whole = replace(whole, cones=path.cones.at(np.where(new, -1, source)))
         # between two cuts the tool comes back to the contact that it left
         cut = whole.kinds == MoveKind.CUT
         lifts = list(zip(rows.tolist(), (rows - (cut[rows - 1] & cut[rows])).tolist(), strict=True))
@@ -599,6 +603,60 @@ def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
             return _with_lifts(whole, lifts, ways, space.feeds.plunge)
         blocked = np.r_[blocked, places[stuck]]
     return path
+
+
+def goes_on(before: ToolPath | None, path: ToolPath) -> bool:
+    """Whether a path begins where the one `before` it ended, on its level and with its cutter."""
+    if before is None or (before.level, before.cutter.number) != (path.level, path.cutter.number):
+        return False
+    return np.array_equal(before.tips[-1], path.tips[0]) and np.array_equal(before.axes[-1], path.axes[0])
+
+
+def from_there(before: ToolPath | None, path: ToolPath, space: LinkSpace) -> ToolPath:
+    """A path that would go on from the safe point, where the one `before` it has left the stock: on the clearance
+    surface from there to its first approach. As it is, where no such way is free or rotary axes are rewound."""
+    if before is None or not goes_on(before, path):
+        return path
+
+    def outside(path: ToolPath, rows: Int[ndarray, " k"]) -> Int[ndarray, " _"]:
+        distance = space.surface.stock.signed_distance(path.balls[rows])
+        return rows[(distance > space.surface.clearance - ON_SURFACE) & (path.kinds[rows] == MoveKind.RAPID)]
+
+    cuts = np.flatnonzero(before.kinds == MoveKind.CUT)
+    rapids = int(np.argmin(path.kinds == MoveKind.RAPID))
+    if not len(cuts) or not rapids:
+        return path
+    left, reached = outside(before, np.arange(cuts[-1], len(before.tips))), outside(path, np.arange(rapids))
+    if not len(left) or not len(reached):
+        return path
+    start, end = int(left[0]), int(reached[-1])
+    ends = (before.balls[start], before.axes[start]), (path.balls[end], path.axes[end])
+    for option in TRAVERSES:
+        centres, axes = traverse(space.surface, *ends, space.limits, option)
+        way = [(centres, axes)]
+        if not space.limits.allow(axes).all() or not space.polylines_free(way, cutting=False)[0]:
+            continue
+        new = len(centres)
+        whole = path.take(np.r_[np.full(new, end), np.arange(end + 1, len(path.tips))])
+        # its ends as they are, to the last bit
+        whole.tips[: new - 1] = path.cutter.tips_of(centres, axes)[:-1]
+        whole.axes[: new - 1] = axes[:-1]
+        whole.tips[0], whole.axes[0] = before.tips[start], before.axes[start]
+        axes, kinds = np.vstack([before.axes, whole.axes]), np.r_[before.kinds, whole.kinds]
+        with suppress(MachineError):  # axes that come to their limits are rewound at the safe point
+            rewinds = space.limits.lift_places
+            return whole if rewinds is None or not len(rewinds(axes, kinds, np.zeros(0))[0]) else path
+    return path
+
+
+def without_returns(paths: Sequence[ToolPath]) -> list[ToolPath]:
+    """The paths, each ended where the next one goes on `from_there`."""
+    ended = []
+    for path, following in pairwise(paths):
+        same = (path.tips == following.tips[0]).all(axis=1) & (path.axes == following.axes[0]).all(axis=1)
+        here = np.flatnonzero(same & (path.cutter.number == following.cutter.number))
+        ended.append(path.take(np.arange(here[-1] + 1)) if len(here) else path)
+    return [*ended, *paths[-1:]]
 
 
 def _with_lifts(

@@ -27,6 +27,7 @@ from bonecam.planning.links import (
     Run,
     begins_tangentially,
     find_leads,
+    from_there,
     lift_for_rewinds,
     link_runs,
     near_links,
@@ -51,16 +52,18 @@ def orient(
     fixed: Float[ndarray, "n 3"] | None = None,
     material: InProcessStock | HeightMesh | None = None,
     explained: bool = True,
+    before: ToolPath | None = None,
 ) -> ToolPath:
     """Tool axes for the contacts of one level, and safe moves before, between and behind its passes.
 
     `wanted` are the axes to start from, eased where they would hold the cut up; without them they lean by the lead
     angle. `fixed` axes are taken as they are, or the contact is left out. Links close to the level remove nothing of
-    the `material` that stands before it is cut, where that is known; of an in-process stock cuts begin and end on
-    arcs. Contacts without an admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
+    the `material` that stands before it is cut, where that is known; of an in-process stock cuts begin and end on arcs.
+    Contacts without an admissible axis, and passes that cannot be reached, are left out and listed in `uncut`
     (`limits`, `collision`); by what (`blocked_by`) where that is to be `explained`. A path without contacts only visits
-    the safe point. The path is lifted where the machine's rotary axes must be rewound. Raises OrientationError where
-    none of the contacts can be reached.
+    the safe point. The path is lifted where the machine's rotary axes must be rewound. It goes on from where the path
+    `before` it left the stock, if that is of its level and cutter and the program is in one piece. Raises
+    OrientationError where none of the contacts can be reached.
     """
     checker = CollisionChecker(scene, path.cutter, job.clearance)
     feeds = Feeds(LINK_FEED, nc.plunge_feed, nc.rapid_feed)
@@ -103,7 +106,8 @@ def orient(
             remedy = "beside a tailstock the tool comes lying: give a longer post (holding.length) or overhang"
         raise OrientationError(f"level {path.level}: no pass can be reached safely: {remedy}", level=path.level)
     oriented = _tool_path(path, chosen, space, runs, linked, cones=wanted.cones if wanted else None)
-    return lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
+    oriented = lift_for_rewinds(replace(oriented, blocked_by=blocked, poses=judged), space)
+    return from_there(before, oriented, space) if nc.one_piece else oriented
 
 
 def _idle_path(path: ContactPath, space: LinkSpace) -> ToolPath:

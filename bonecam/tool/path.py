@@ -122,13 +122,13 @@ class ToolPath:
     """All moves of one level, or of one rest path before it, in machining order. Row i: the move that arrives at
     tip i with axis i.
 
-    `axes` are unit, from tip to spindle; `tips` = ball centre - radius * axis; `feed_rates` in mm/min
-    (rapid moves: the machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids.
-    `pass_index` is -1 on links and rapids. `trimmed` and `rest` are those of the `ContactPath`. `blocked_by` counts the
-    contacts that have no tool axis by what is against it (`shank against the material`). The first row is a
-    safe point clear of the stock, so is the last. `cones` are those that the axes were chosen in, if they were;
-    `poses` is FCL's word on the contacts whose axes lie in none that it has certified, where it was asked.
-    `lifts` are the first and the last rows of ways to the safe point and back, on which rotary axes are rewound.
+    `axes` are unit, from tip to spindle; `tips` = ball centre - radius * axis; `feed_rates` in mm/min (rapid moves: the
+    machine's rapid rate); `contacts` and `parameters` are NaN on links and rapids. `pass_index` is -1 on links and
+    rapids. `trimmed` and `rest` are those of the `ContactPath`. `blocked_by` counts the contacts that have no tool axis
+    by what is against it (`shank against the material`). The first row is a safe point clear of the stock, so is the
+    last; or the first is the last one of the path before, near the stock. `cones` are those that the axes were chosen
+    in, if they were; `poses` is FCL's word on the contacts whose axes lie in none that it has certified, where it was
+    asked. `lifts` are the first and the last rows of ways to the safe point and back, on which rotary axes are rewound.
     """
 
     level: int
@@ -148,6 +148,12 @@ class ToolPath:
     cones: FreeCones | None = None
     poses: PoseCheck | None = None
     lifts: Int[ndarray, "l 2"] = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+
+    def take(self, rows: Int[ndarray, " k"]) -> "ToolPath":
+        """The path with these rows (by index) alone."""
+        names = ("kinds", "pass_index", "parameters", "contacts", "tips", "axes", "feed_rates")
+        arrays = {name: getattr(self, name)[rows] for name in names}
+        return replace(self, cones=self.cones.at(rows) if self.cones else None, **arrays)
 
     def __repr__(self) -> str:
         return f"<ToolPath of level {self.level}: {counted(len(self.tips), 'point')}>"

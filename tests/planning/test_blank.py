@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from bonecam.machine import read_machine
 from bonecam.mesh import Part
 from bonecam.nc import machine_limits, read_dialect, write_program
 from bonecam.planning.blank import bar_of, blank_depth, blank_paths, check_blank
+from bonecam.planning.links import goes_on
 from bonecam.planning.post_length import least_neck, shortest_post
 from bonecam.report import read_apt
 from bonecam.report.tables import apt_text
@@ -117,6 +119,16 @@ def test_the_tool_stays_at_the_part_from_layer_to_layer(paths):
     assert counts() == (layers, 1)
     assert counts(optional_stop="level") == (layers, len(paths) - 1)
     assert counts(split="level") == (layers, len(paths))
+
+
+def test_a_layer_goes_on_from_where_the_one_before_left_the_bar(paths):
+    meetings = [(a, b) for a, b in pairwise(paths) if a.cutter.number == b.cutter.number]
+    assert all(goes_on(a, b) for a, b in meetings)
+    beside = [a.balls[-1] for a, _ in meetings if a.axes[-1, 2] < 0.9]
+    assert beside, "with a tool that leans it does not rise over the bar"
+    bar = bar_of(STOCK, JOB.holding)
+    for ball in beside:
+        assert np.hypot(*ball[:2]) > bar.radius + JOB.roughing.radius + JOB.path.clearance
 
 
 def test_cutter_location_data_keep_the_blank(paths):
