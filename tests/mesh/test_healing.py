@@ -439,19 +439,6 @@ def test_a_sentence_tells_the_movement_and_the_report_has_it(bone):
     assert str(Repair("changed it", 4e-4, 4e-4)) == "changed it"
 
 
-def test_a_new_skin_tells_how_far_it_lies_from_the_mesh(bone, monkeypatch):
-    def refuses(*_, **__):
-        raise RuntimeError("Mesh boolean failed")
-
-    monkeypatch.setattr("igl.copyleft.cgal.mesh_boolean", refuses)
-    vertices = np.array(bone.vertices)
-    vertices[np.argmax(vertices[:, 0])] += [-0.5, 2, 3]
-    skin = repair(TriangleMesh(vertices, bone.faces))[1][-1]
-    assert "new skin" in skin.change
-    assert skin.outward > 0.02
-    assert "mm outward" in str(skin)
-
-
 def cylinder(low: float, high: float, radius: float = 5.0) -> TriangleMesh:
     return revolve(np.full(2, radius), np.array([low, high]), (low, high), 64)
 
