@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError, VerifyError
+from bonecam.errors import VerifyError
 from bonecam.job import Job, MechanicsJob
-from bonecam.job.materials.preset import FOLDER, CuttingForce, StiffnessTable
+from bonecam.job.materials.preset import CuttingForce, StiffnessTable
 from bonecam.kernels.removal import Pieces
 from bonecam.machine.bodies import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
@@ -26,7 +26,6 @@ from bonecam.mechanics.loads import (
     Standing,
     Workpiece,
     feed_schedule,
-    mechanics_of_job,
     passing_force,
     workpiece_of,
 )
@@ -232,15 +231,6 @@ def one_path_forces(**how):
         patch.setattr(KeptErrors, "take", keep)
         run(**how)
     return kept[0]
-
-
-def test_a_material_without_a_modulus_is_refused(tmp_path):
-    file = tmp_path / "wax.toml"
-    file.write_text((FOLDER / "peek.toml").read_text().split("[stiffness]")[0])
-    job = Job().with_values(material={"name": str(file)})
-    with pytest.raises(JobError, match=r"wax.toml'.* no table \[stiffness\].*--no-mechanics") as caught:
-        mechanics_of_job(job)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_stub_of_the_bar_is_part_of_the_beam_with_the_shoulders_of_the_neck():
