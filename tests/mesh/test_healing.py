@@ -33,10 +33,8 @@ from bonecam.mesh.healing import (
     components_of,
     decimate,
     faults_of,
-    resolve_junctions,
     surface_moves,
     weld_seams,
-    winding_numbers,
 )
 from bonecam.mesh.hollows import cap
 from bonecam.mesh.solids import revolve, solid_union
@@ -289,10 +287,6 @@ def test_a_sheet_that_sticks_out_goes(bone):
     assert all(each.outward == each.inward == 0 for each in done)
 
 
-def test_a_mesh_without_junctions_comes_back_itself(bone):
-    assert resolve_junctions(RepairState(bone)).mesh is bone
-
-
 @pytest.fixture(scope="module")
 def phalanx():
     return read_mesh(path("phalanx"))
@@ -421,14 +415,6 @@ def test_what_lies_inside_the_solid_does_not_count(bone):
     both = side_by_side([bone, inner])
     assert surface_moves(both, bone).outward > 2
     assert surface_moves(both, bone, bone).largest == 0
-
-
-def test_winding_numbers_tell_the_side_of_open_and_turned_meshes_too(bone):
-    places = np.array([[0, 0, 0], [0, 0, 13.0], [9, 0, 0], [4.8, 0, 0.0]])
-    inside = np.array([1, 1, 0, 1])
-    assert np.allclose(winding_numbers(bone, places), inside, atol=0.01)
-    assert np.allclose(winding_numbers(TriangleMesh(bone.vertices, bone.faces[:, ::-1]), places), -inside, atol=0.01)
-    assert np.allclose(winding_numbers(TriangleMesh(bone.vertices, bone.faces[3:]), places), inside, atol=0.1)
 
 
 def test_a_sentence_tells_the_movement_and_the_report_has_it(bone):
