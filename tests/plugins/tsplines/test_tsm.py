@@ -74,6 +74,12 @@ BROKEN = {
         ("1 2 3 5 6 7 9", "1 2 3 5 6 7 7", "different from one another"),
         ("1 2 3 5 6 7 9", "1 2 3 5 6 7 1e20", r"line \d+: .*where a number should stand \('1e20'"),
         ("node 0 0 0 1\n", "nod 0 0 0 1\n", "unknown record 'nod'"),
+        ("node 0 0 0 1\n", "node 1e300 0 0 1\n", "control point 0 is not finite or not below"),
+        (
+            "\n0.25 0 0 0 0 0 0 0 0",
+            "\n1e6 0 0 0 0 0 0 0 0",
+            "a coefficient of 1e\\+06: those of blending functions lie in 0",
+        ),
     ],
 }
 
