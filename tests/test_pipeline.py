@@ -42,7 +42,7 @@ from bonecam.report.summary import MOST_LINES
 from bonecam.runtime.own_files import OWN_FILES
 from bonecam.simulation import simulation_report, simulation_text
 from bonecam.surface import Deviation, Fit, TSpline, fit, part_surface
-from bonecam.verify import check_removal, prove_removal
+from bonecam.verify import prove_removal
 from bonecam.verify.removal import check_removal_of_job
 
 COARSE = Job().with_values(
@@ -240,30 +240,11 @@ def test_a_material_that_says_not_how_stiff_it_is_is_refused_before_planning(tmp
     assert re.search(r"wax\.toml'.* no table \[stiffness\].*--no-mechanics", lines[0])
 
 
-def test_a_word_changed_by_1_mm_is_found(chain, tmp_path):
-    """Towards the axis of the part, on its side (Y near 0), at half its height, on the last level."""
-    lines = (chain[1] / "bone.h").read_text(encoding="utf-8").splitlines(keepends=True)
-    at_side = re.compile(r"X\+[2-9]\.\d+ (?:Y[+-]0\.\d+ )?Z([+-]\d+\.\d+) .*C\S+( F900)?$")
-    begin = max(n for n, line in enumerate(lines) if "LEVEL 0" in line)
-    heights = {n: float(found[1]) for n, line in enumerate(lines) if n > begin and (found := at_side.search(line))}
-    middle = chain[0].part.mesh.vertices[:, 2].mean() - chain[0].program.zero_height
-    at = min(heights, key=lambda n: abs(heights[n] - middle))
-    moved = re.sub(r"X\+(\d)", lambda found: f"X+{int(found[1]) - 1}", lines[at])
-    (tmp_path / "planted.h").write_text("".join([*lines[:at], moved, *lines[at + 1 :]]), encoding="utf-8")
-    removal = bonecam.simulate(tmp_path / "planted.h", chain[1] / "keep", COARSE)
-    with pytest.raises(VerifyError, match=r"the tool goes .* mm into the part") as caught:
-        check_removal(removal)
-    assert abs(caught.value.evidence["line"] - (at + 1)) <= 2
-
-
 @pytest.mark.parametrize(
     ("pattern", "new", "told"),
     [
         (r" B-[\d.]+ (?=C\S+ F900)", " B+45.000 ", "B goes to 45.000 deg, its limit is 30 deg"),
-        (r" X\S+ (?=.* F900)", " X+2000.000 ", "mm in the program, its travel is 600 mm"),
         (r"(?s) F900\n", " F99999\n", "a feed of 99999 mm/min"),
-        (r" M3\n", " M5\n", "a feed move while the spindle stands"),
-        (r" M8\n", " M9\n", "a cut without coolant"),
         (r"(TOOL 2 BALL RADIUS \S+ LENGTH )100", r"\g<1>99", "tool 2 has a length of 99 mm here, of 100 mm in the job"),
     ],
 )
