@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError
 from bonecam.job import Job, LevelsJob, read_job, write_job
 from bonecam.machine import read_machine
 from bonecam.mechanics import Beam, column_sections
@@ -146,13 +145,6 @@ def test_depths_are_found_where_none_is_stated(changes, found, tmp_path):
 
 def test_numbers_that_are_given_to_the_section_itself_hold():
     assert not leaves_depths_open(Job(levels=LevelsJob(roughing_depth=1.0)), neck_found=True)
-
-
-def test_a_material_of_unknown_stiffness_bears_no_depth(setup, tmp_path):
-    file = tmp_path / "wax.toml"
-    file.write_text('title = "wax"\nspindle = 4500.0\nfeed = 900.0\nsource = "s"\nrange = "r"\nnote = "n"\n')
-    with pytest.raises(JobError, match=r"no table \[stiffness\]"):
-        with_found_depths(setup, FOUND.with_values(material={"name": str(file)}), LIMITS)
 
 
 def test_depths_grow_with_what_stands_under_them():
