@@ -13,15 +13,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from bonecam_plugins.meshlab import MeshSet, apply_script, run_script
-from bonecam_plugins.meshlab.meshlab_values import (
-    CAMERAS,
-    FilterCall,
-    ScriptParameter,
-    converted,
-    free_texts,
-    write_script,
-)
-from bonecam_plugins.meshlab.script_on_mesh import read_script
+from bonecam_plugins.meshlab.meshlab_values import CAMERAS, ScriptParameter, converted, free_texts
 from bonecam_plugins.meshlab.scripts import NAMES, READ, TEXTS, TEXTURES
 from small_parts import PAINTED_PLY
 
@@ -153,16 +145,6 @@ def test_files_of_filters_and_layers_of_one_name_stay_apart(tmp_path, phalanx, r
     written = run_script(script(tmp_path, file, MOVE), [phalanx, phalanx], tmp_path / "out", registry=registry)
     assert [path.name for path in written] == ["moved.ply", "moved_1.ply", "note.txt", "phalanx.ply", "phalanx_1.ply"]
     assert all(path.is_file() for path in written)
-
-
-def test_parsed_steps_and_written_calls_agree(tmp_path, registry):
-    calls = [
-        FilterCall("generate_offset", (ScriptParameter("distance", "RichPercentage", {"value": "2.5"}),)),
-        FilterCall("Apply Turn"),
-    ]
-    write_script(calls, tmp_path / "script.mlx")
-    steps = read_script(tmp_path / "script.mlx", registry)
-    assert [(step.name, step.values) for step in steps] == [("generate_offset", {"distance": 2.5}), ("apply_turn", {})]
 
 
 def test_values_of_meshlab_s_types_are_converted():
