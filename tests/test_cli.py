@@ -9,7 +9,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from bonecam_meshes import path as shipped
 
 import bonecam
 from bonecam.batch.run import WAITING
@@ -74,6 +73,8 @@ def test_options_override_the_job_file(tmp_path, capsys):
         pytest.param(["script", "none.mlx", "-i", "text.stl", "-o", "out"], "none.mlx", marks=pytest.mark.plugged),
         pytest.param(["filters", "no_such_filter"], "no_such_filter", marks=pytest.mark.plugged),
         (["batch", "text.stl", "text.stl", "-o", "out"], "text"),
+        (["simulate", "none.h", "--keep", ".", "--report", "nowhere/r.json"], "its folder"),
+        (["simulate", "none.h"], "no folder of its run is named: give the one of `convert --keep` (--keep)"),
     ],
 )
 def test_a_wrong_call_is_one_line_exit_2_and_no_file(arguments, named, tmp_path, monkeypatch, capsys):
@@ -85,24 +86,6 @@ def test_a_wrong_call_is_one_line_exit_2_and_no_file(arguments, named, tmp_path,
     assert named in told.err
     assert told.err.count("\n") == 1
     assert [item.name for item in tmp_path.iterdir()] == ["text.stl"]
-
-
-def test_a_missing_unit_is_refused_with_the_flag_that_fits(tmp_path, capsys):
-    from bonecam.mesh.files.mesh_files import read_mesh, write_mesh
-    from bonecam.mesh.triangle_mesh import TriangleMesh
-
-    mesh = read_mesh(shipped("phalanx"))
-    write_mesh(TriangleMesh(mesh.vertices / 1000, mesh.faces), tmp_path / "metres.stl")
-    assert main(["convert", str(tmp_path / "metres.stl"), "-o", str(tmp_path / "out.h")]) == 2
-    assert "--units m" in capsys.readouterr().err
-    assert not (tmp_path / "out.h").exists()
-
-
-def test_an_unknown_command_exits_2(capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(["melt"])
-    assert caught.value.code == 2
-    assert "melt" in capsys.readouterr().err
 
 
 def test_no_command_prints_the_help(capsys):
@@ -143,6 +126,12 @@ def test_all_wrong_settings_are_told_at_once(capsys):
             ["filters", "Generate Levels"], "(did you mean 'generate_morph_levels'?)", marks=pytest.mark.plugged
         ),
         (["help", "conver"], "'conver' is unknown (did you mean 'convert'?)"),
+        (["melt"], "'melt' is unknown"),
+        (
+            ["batch", "bone.stl", "-o", "programs", "-w"],
+            "bonecam batch: unrecognized arguments: -w: see bonecam batch --help",
+        ),
+        *((["batch", "bone.stl", "-o", "out", "--share", share], "--share") for share in ("0/3", "4/3", "3", "a/b")),
     ],
 )
 def test_a_misspelt_word_is_told_with_the_nearest(call, told, capsys):
@@ -178,13 +167,6 @@ def test_help_and_pages_name_every_machine_and_controller(capsys):
         assert f"`{name}`" in rows
     assert "the machine's own (default)" in " ".join(told.split())
     assert "mikron-ucp600 (default)" in told
-
-
-def test_an_unknown_option_points_to_the_help_of_its_command(capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(["batch", "bone.stl", "-o", "programs", "-w"])
-    assert caught.value.code == 2
-    assert capsys.readouterr().err == "bonecam batch: unrecognized arguments: -w: see bonecam batch --help\n"
 
 
 def test_verbose_tells_each_step_once_as_a_line(capsys):
@@ -230,12 +212,6 @@ def test_a_help_that_cannot_be_printed_ends_the_process_with_2():
     assert (done.returncode, done.stderr) == (2, told)
 
 
-def test_the_report_of_a_simulation_is_checked_before_it(tmp_path, capsys):
-    outputs = ["--report", str(tmp_path / "nowhere" / "r.json")]
-    assert main(["simulate", "none.h", "--keep", str(tmp_path), *outputs]) == 2
-    assert "its folder" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("arguments", "closed", "printed"),
     [("job", ">&-", ""), ("machines none", ">&- 2>&-", ""), ("machines", "<&- 2>&-", "dmu-45")],
@@ -270,13 +246,6 @@ def test_a_verbose_batch_names_the_part_of_each_step(capsys):
     assert capsys.readouterr().err.endswith("25%  a: level 1\n")
 
 
-@pytest.mark.parametrize("share", ["0/3", "4/3", "3", "a/b"])
-def test_a_share_that_is_none_is_refused(share, capsys):
-    with pytest.raises(SystemExit):
-        main(["batch", "bone.stl", "-o", "out", "--share", share])
-    assert "--share" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("named", [True, False])
 def test_the_job_of_the_kept_folder_is_taken_and_told(named, tmp_path, monkeypatch, capsys):
     """It is that of --keep, or of the folder that the program lies in; --job and --set change it."""
@@ -303,11 +272,6 @@ def test_the_job_of_the_kept_folder_is_taken_and_told(named, tmp_path, monkeypat
     assert [job.nc.controller for job in jobs] == ["siemens-840d", "siemens-840d", "heidenhain"]
     assert [job.roughing.overhang for job in jobs[:2]] == [31.0, 33.0]
     assert all(str(given) == str(keep) for _, given in taken)
-
-
-def test_a_program_with_no_folder_of_its_run_is_told_to_name_it(tmp_path, capsys):
-    assert main(["simulate", str(tmp_path / "bone.h")]) == 2
-    assert "no folder of its run is named: give the one of `convert --keep` (--keep)" in capsys.readouterr().err
 
 
 def test_it_tells_share_stage_and_time_left_and_goes_away():

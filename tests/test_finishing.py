@@ -145,16 +145,6 @@ def test_an_obstacle_over_the_surface_is_kept_clear_of_by_ball_and_shank():
         assert distance.signed(points).min() > radius - JOB.path.gouge_tolerance
 
 
-def test_a_closed_surface_needs_no_part_and_finds_its_post():
-    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    rows = [np.column_stack([6 * np.cos(angle), 3 * np.sin(angle), np.full(24, z)]) for z in np.linspace(0, 12, 5)]
-    job = replace(JOB, holding=replace(JOB.holding, length=0.0, diameter=4.0))
-    made = bonecam.finish(skin(rows, 0.01), job=job)
-    assert made.report["surface"]["kind"] == "closed round s"
-    assert made.report["post"]["length_mm"] == made.workpiece.solid.bounds[0, 2] > 0
-    assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
-
-
 def test_links_keep_out_of_a_blade_that_ends_at_a_blunt_edge():
     blade = blunt_blade()
     hub = revolve(np.full(2, 12.0), np.array([-4.0, 0.5]), (-4.0, 0.5), 48)
@@ -168,42 +158,55 @@ def test_links_keep_out_of_a_blade_that_ends_at_a_blunt_edge():
     assert made.removal.rapid_volume == 0.0
 
 
-def test_a_surface_off_its_part_is_refused():
-    beside = moved_block(4 * SIZE)
-    with pytest.raises(SurfaceError, match=r"lies \d+\.\d to \d+\.\d mm off .*give the solid that it bounds"):
-        bonecam.finish(panel(), beside, job=JOB)
+def crossed() -> TSpline:
+    """A pebble whose upper half is turned through its axis."""
+    points = pebble().control_points.copy()
+    points[points[:, 2] > points[:, 2].mean(), :2] *= -1.0
+    return pebble().with_control_points(points)
 
 
-def test_surfaces_that_cannot_be_machined_alone_are_refused(tmp_path):
-    with pytest.raises(SurfaceError, match="give the part"):
-        bonecam.finish(panel(), job=JOB)
-    write_mesh(block(), tmp_path / "block.stl")
-    with pytest.raises(SurfaceError, match=r"block\.stl: a patch of one piece has one edge, this mesh is closed"):
-        bonecam.finish(tmp_path / "block.stl", block(), job=JOB)
-    with pytest.raises(FileError, match=r"ending '\.mlx': give a surface that passes can follow"):
-        bonecam.finish(tmp_path / "block.mlx", block(), job=JOB)
-    with pytest.raises(FileError, match=r"missing\.stl"):
-        bonecam.finish(panel(), tmp_path / "missing.stl", job=JOB)
-    write_mesh(keep_faces(block(), slice(1, None)), tmp_path / "open.stl")
-    with pytest.raises(MeshError, match=r"open\.stl is not closed near"):
-        bonecam.finish(panel(), block(), [tmp_path / "open.stl"], job=JOB)
-    inward = bonecam.TriangleMesh(block().vertices, block().faces[:, ::-1])
-    with pytest.raises(MeshError, match=r"solid 0 of part and obstacles encloses .*turn its faces outward"):
-        bonecam.finish(panel(), inward, job=JOB)
+def scaled(surface: TSpline, *by: float) -> TSpline:
+    return surface.with_control_points(surface.control_points * by)
 
 
-def test_closed_surfaces_that_bound_no_solid_are_refused():
-    surface = pebble()
-    points = surface.control_points
-    with pytest.raises(SurfaceError, match="the surface: encloses no volume"):
-        bonecam.finish(surface.with_control_points(points * [0, 0, 1]), job=JOB)
-    with pytest.raises(SurfaceError, match=r"the surface: .* point inward: reverse every row"):
-        bonecam.finish(surface.with_control_points(points * [1, -1, 1]), job=JOB)
-    crossed = points.copy()
-    upper = points[:, 2] > points[:, 2].mean()
-    crossed[upper, :2] *= -1.0
-    with pytest.raises(MeshError, match="the surface: its surface cuts itself"):
-        bonecam.finish(surface.with_control_points(crossed), job=JOB)
+@pytest.mark.parametrize(
+    ("given", "error", "why"),
+    [
+        (
+            lambda: (panel(), moved_block(4 * SIZE)),
+            SurfaceError,
+            r"lies \d+\.\d to \d+\.\d mm off .*give the solid that it bounds",
+        ),
+        (lambda: (panel(),), SurfaceError, "give the part"),
+        (
+            lambda: ("block.stl", block()),
+            SurfaceError,
+            r"block\.stl: a patch of one piece has one edge, this mesh is closed",
+        ),
+        (lambda: ("block.mlx", block()), FileError, r"ending '\.mlx': give a surface that passes can follow"),
+        (lambda: (panel(), "missing.stl"), FileError, r"missing\.stl"),
+        (lambda: (panel(), block(), ["open.stl"]), MeshError, r"open\.stl is not closed near"),
+        (
+            lambda: (panel(), bonecam.TriangleMesh(block().vertices, block().faces[:, ::-1])),
+            MeshError,
+            r"solid 0 of part and obstacles encloses .*turn its faces outward",
+        ),
+        (
+            lambda: (scaled(panel(), -1, 1, 1), block()),
+            SurfaceError,
+            r"the surface: 100% of it lies in the solids .*: reverse every row",
+        ),
+        (lambda: (scaled(pebble(), 0, 0, 1),), SurfaceError, "the surface: encloses no volume"),
+        (lambda: (scaled(pebble(), 1, -1, 1),), SurfaceError, r"the surface: .* point inward: reverse every row"),
+        (lambda: (crossed(),), MeshError, "the surface: its surface cuts itself"),
+    ],
+)
+def test_what_cannot_be_machined_alone_is_refused_before_it_is_planned(given, error, why, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_mesh(block(), "block.stl")
+    write_mesh(keep_faces(block(), slice(1, None)), "open.stl")
+    with pytest.raises(error, match=why):
+        bonecam.finish(*given(), job=JOB)
 
 
 def test_surfaces_far_larger_than_a_part_are_refused_before_they_are_tessellated(tmp_path):
@@ -237,9 +240,3 @@ def test_refusals_of_path_and_program_name_the_surface(tmp_path):
     file.write_text("\n\n".join("\n".join(f"{9000 + x} {y} 8" for x in steps) for y in steps), encoding="utf-8")
     with pytest.raises(MachineError, match=r"far.xyz: .*X runs over"):
         bonecam.finish(file, moved_block(9000.0), job=JOB)
-
-
-def test_a_surface_that_faces_into_its_part_is_refused_before_it_is_planned():
-    mirrored = panel().with_control_points(panel().control_points * [-1, 1, 1])
-    with pytest.raises(SurfaceError, match=r"the surface: 100% of it lies in the solids .*: reverse every row"):
-        bonecam.finish(mirrored, block(), job=JOB)

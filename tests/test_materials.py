@@ -72,7 +72,7 @@ def test_a_machine_that_states_no_speed_turns_as_motor_spindles_do():
 
 
 @pytest.mark.parametrize("name", list(material_files()))
-def test_every_material_says_where_it_is_from_and_suits_the_shipped_machine(name):
+def test_every_material_says_where_it_is_from_how_it_is_cut_and_suits_the_shipped_machine(name):
     material = read_material(name)
     assert material.note == "not measured on your machine"
     assert len(material.source) > 30
@@ -82,6 +82,14 @@ def test_every_material_says_where_it_is_from_and_suits_the_shipped_machine(name
         tool = job.tool(section)
         assert 1000 <= tool.spindle <= read_machine("mikron-ucp600").spindle_speed
         assert 100 <= tool.feed <= 3000
+    assert material.stiffness is not None
+    assert 1000 < material.stiffness.elasticity < 200_000
+    assert 1000 < material.stiffness.density < 8000
+    assert len(material.stiffness.source) > 30
+    force = cutting_force(material.force, material.stiffness.yield_strength)
+    assert force.scaled == (name in ("peek", "cortical-bone"))
+    assert force.band[0] < 1 < force.band[1]
+    assert 100 < force.coefficients[0] < 2500
 
 
 def test_the_materials_are_there():
@@ -157,19 +165,6 @@ def test_the_header_tells_the_source_of_speeds_that_the_job_does_not_give():
     given = {"spindle": 9000.0, "feed": 400.0}
     own = write_program([path], machine, dialect, job.with_values(roughing=given, finishing=given)).text
     assert "SPEEDS NOT IN THE JOB" not in own
-
-
-@pytest.mark.parametrize("name", list(material_files()))
-def test_every_material_says_how_stiff_it_is_and_what_cuts_it(name):
-    material = read_material(name)
-    assert material.stiffness is not None
-    assert 1000 < material.stiffness.elasticity < 200_000
-    assert 1000 < material.stiffness.density < 8000
-    assert len(material.stiffness.source) > 30
-    force = cutting_force(material.force, material.stiffness.yield_strength)
-    assert force.scaled == (name in ("peek", "cortical-bone"))
-    assert force.band[0] < 1 < force.band[1]
-    assert 100 < force.coefficients[0] < 2500
 
 
 def test_without_coefficients_those_of_aluminium_are_scaled_and_told():

@@ -4,7 +4,6 @@ import pytest
 from bonecam_meshes import path as shipped
 
 import bonecam
-from bonecam.errors import StockError
 from bonecam.job import Job
 from bonecam.mesh import write_mesh
 from bonecam.setup import Cylinder
@@ -47,18 +46,3 @@ def test_every_stock_leads_to_a_program_without_gouges(stock, tmp_path, monkeypa
     cut = [row for row in report["toolpath"] if row["contacts"]]
     assert len(cut) == len(report["levels"]) - 1
     assert (tmp_path / "bone.h").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize(
-    ("stock", "named"),
-    [
-        ({"kind": "cylinder", "diameter": 8.0, "length": 40.0}, "does not hold the part, which leaves it by"),
-        ({"kind": "cylinder", "diameter": 15.0, "length": 37.0, "offset_x": 9.0}, "leaves it by"),
-        ({"kind": "box", "width": 5.0}, "does not hold the part"),
-        ({"kind": "mesh"}, "needs a file"),
-    ],
-)
-def test_an_impossible_stock_fails_at_once(stock, named, tmp_path):
-    with pytest.raises(StockError, match=named):
-        bonecam.convert(shipped("phalanx"), COARSE.with_values(stock=stock), program=tmp_path / "bone.h")
-    assert not list(tmp_path.iterdir())

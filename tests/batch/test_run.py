@@ -170,23 +170,29 @@ def alive(process: int) -> bool:
         return False
 
 
-def test_two_meshes_of_one_name_are_refused_before_anything_runs(tmp_path):
-    with pytest.raises(JobError, match="bone"):
-        convert_many([tmp_path / "a" / "bone.stl", tmp_path / "b" / "bone.ply"], tmp_path / "out")
+@pytest.mark.parametrize(
+    ("parts", "options", "kind", "match"),
+    [
+        (["a/bone.stl", "b/bone.ply"], {}, JobError, "bone"),
+        (["bone.stl"], {"job": Job().with_values(nc={"machine": "lathe"})}, BonecamError, "is unknown"),
+        (["bone.stl"], {"job": Job().with_values(nc={"controller": "klartext"})}, BonecamError, "is unknown"),
+        (["bone.stl"], {"jobs": 0}, JobError, "jobs"),
+        (["bone.stl"], {"jobs": -3}, JobError, "jobs"),
+        (["empty"], {}, JobError, r"empty: holds no part: give files that end in one of \.stl"),
+        (["x\ud800.stl"], {}, FileError, r"x\\ud800\.stl': is no name that a file can have: choose another"),
+        (
+            ["a.stl", "a_probe.stl"],
+            {"job": Job().with_values(nc={"probe": True})},
+            FileError,
+            r"a_probe\.h is the program of another part",
+        ),
+    ],
+)
+def test_what_no_batch_can_do_is_refused_before_anything_runs(parts, options, kind, match, tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(kind, match=match):
+        convert_many([tmp_path / part for part in parts], tmp_path / "out", work=WORK, **options)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("values", [{"machine": "lathe"}, {"controller": "klartext"}])
-def test_a_machine_that_is_not_known_is_refused_before_anything_runs(values, tmp_path):
-    with pytest.raises(BonecamError, match="is unknown"):
-        convert_many([tmp_path / "bone.stl"], tmp_path / "out", Job().with_values(nc=values))
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("jobs", [0, -3])
-def test_no_process_at_all_is_refused(tmp_path, jobs):
-    with pytest.raises(JobError, match="jobs"):
-        convert_many([tmp_path / "bone.stl"], tmp_path / "out", jobs=jobs)
 
 
 @pytest.mark.usefixtures("quick")
@@ -216,10 +222,7 @@ def test_a_folder_stands_for_its_parts_and_rows_of_other_meshes_stay(tmp_path):
     assert [row["state"] for row in table(out)] == ["done"] * 3
 
 
-def test_a_folder_without_parts_and_a_foreign_table_are_refused(tmp_path):
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(JobError, match=r"empty: holds no part: give files that end in one of \.stl"):
-        convert_many([tmp_path / "empty"], tmp_path / "out", work=WORK)
+def test_a_foreign_table_is_refused(tmp_path):
     for text in ("name,price\nbone,3\n", "mesh\0,state", '"mesh'):
         (tmp_path / "batch.csv").write_text(text, encoding="utf-8")
         with pytest.raises(FileError, match=r"batch\.csv: .*: move it away"):
@@ -262,12 +265,6 @@ def test_a_name_that_is_not_in_utf_8_stands_in_the_table_by_its_bytes(tmp_path):
     for _ in range(2):
         convert_many(parts, tmp_path / "out", job, work=WORK)
         assert (tmp_path / "out" / "batch.csv").read_bytes().count(b"bone\xe9.stl,,done") == 1
-
-
-def test_a_name_that_no_file_can_have_is_refused_before_the_work(tmp_path):
-    with pytest.raises(FileError, match=r"x\\ud800\.stl': is no name that a file can have: choose another"):
-        convert_many([*meshes(tmp_path, a="good"), tmp_path / "x\ud800.stl"], tmp_path / "out", work=WORK)
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.usefixtures("quick")
@@ -356,12 +353,6 @@ def test_a_part_is_done_again_where_its_probing_program_is_gone(tmp_path):
     assert [one.state for one in convert_many(files, out, job, resume=True, work=WORK)] == ["done"]
     (out / "a_probe.h").touch()
     assert [one.state for one in convert_many(files, out, job, resume=True, work=WORK)] == ["kept"]
-
-
-def test_a_part_with_the_name_of_a_probing_program_is_refused_before_anything_runs(tmp_path):
-    files = [tmp_path / "a.stl", tmp_path / "a_probe.stl"]
-    with pytest.raises(FileError, match=r"a_probe\.h is the program of another part"):
-        convert_many(files, tmp_path / "out", Job().with_values(nc={"probe": True}))
 
 
 @pytest.mark.usefixtures("quick")

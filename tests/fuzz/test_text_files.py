@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bonecam_plugins.meshlab.meshlab_values import read_calls
-from bonecam_plugins.tsplines import TMesh, read_iga, read_tsm
+from bonecam_plugins.tsplines import read_iga, read_tsm
+from general_tsplines import inner_samples, random_tspline
 from mutations import mutate, outcome
 from small_parts import capsule_path, pebble
 
@@ -46,25 +47,14 @@ SCRIPT = b"""<!DOCTYPE FilterScript>
 """
 
 
-def patch() -> TSpline:
-    """A bump on a grid of 9 x 8 control points, its border clamped."""
-    lines = [np.r_[0.0, 0.0, np.arange(1, n + 1) / (n + 1), 1.0, 1.0] for n in (5, 4)]
-    a, b = map(len, lines)
-    x, y = (place.ravel() for place in np.indices((a, b)))
-    edges = np.ones((a - 1, b), dtype=bool), np.ones((a, b - 1), dtype=bool)
-    cells = np.ones((a - 1, b - 1), dtype=bool)
-    mesh = TMesh(*lines, np.column_stack([x, y]), *edges, cells, (0.0, 0.0))
-    return TSpline(mesh, np.column_stack([4.0 * x, 4.0 * y, 2 * np.sin(x) * np.cos(y)]), np.ones(a * b))
-
-
 @pytest.fixture(scope="session")
 def sound(tmp_path_factory):
     """A sound file of every kind."""
     folder = tmp_path_factory.mktemp("sound")
     surface = pebble()
     save_surface(surface, folder / "a.tspline")
-    save_surface(patch(), folder / "a.iga")
-    save_surface(patch(), folder / "a.tsm")
+    save_surface(random_tspline(1), folder / "a.iga")
+    save_surface(random_tspline(2, closed=True), folder / "a.tsm")
     turn = 2 * np.pi * np.arange(16) / 16
     angles = np.linspace(0.0, np.pi, 9)
     rings = [
@@ -106,6 +96,8 @@ def named(file: Path, read: Callable[[], object]) -> None:
 
 def read_as_surface(file: Path, reader: Callable[[Path], TSpline]) -> None:
     surface = reader(file)
+    for values in surface.evaluate(*inner_samples(surface, 0, 20), 2):
+        assert np.isfinite(values).all()
     named(file, lambda: surface.tessellate(CHORD))
 
 
@@ -167,6 +159,19 @@ def test_a_damaged_text_gives_a_result_or_one_line(name, count, sound, tmp_path)
         file.write_bytes((retype_value if retyped else mutate)(rng, sound[name]))
         refused += bool(outcome(READERS[name], file))
     assert refused > 0
+
+
+@pytest.mark.fuzz
+def test_a_damaged_model_gives_a_surface_or_one_line(shared, tmp_path):
+    models = sorted(file for file in (shared / "tspline").glob("[ti]*/*.[ti]*") if file.suffix in (".tsm", ".iga"))
+    assert len(models) == 11
+    rng, refused = random.Random(0), 0
+    for k in range(MANY):
+        model = models[k % len(models)]
+        file = tmp_path / f"a{model.suffix}"
+        file.write_bytes(mutate(rng, model.read_bytes()))
+        refused += bool(outcome(READERS[file.name], file))
+    assert 0 < refused < MANY
 
 
 HOSTILE = {

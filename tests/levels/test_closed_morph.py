@@ -27,7 +27,6 @@ from bonecam.levels.problem import (
 from bonecam.mesh import MeshDistance
 from bonecam.setup import Box, Capsule, Cylinder, Schedule
 from bonecam.surface import TSpline, save_surface
-from bonecam.surface.query import closest_points_near
 
 SCHEDULE = Schedule((0.1, 0.1), 0.5)
 STOCK = Capsule(np.array([0.0, 0.0, 4.5]), np.array([0.0, 0.0, 15.5]), 4.5)
@@ -148,17 +147,6 @@ def test_every_measure_is_within_its_tolerance(made):
         assert sum(level.measures.depth_shares) == pytest.approx(1.0, abs=0.02)
 
 
-def test_no_place_is_deeper_than_allowed_between_the_samples(made):
-    rng = np.random.default_rng(7)
-    s, t = rng.random(4000), rng.random(4000)
-    for inner, outer in zip(made.levels[:-2], made.levels[1:-1]):
-        assert inner.surface is not None
-        assert outer.surface is not None
-        points = outer.surface.evaluate(s, t)
-        foot = closest_points_near(inner.surface, points, s, t, 12)[2]
-        assert np.linalg.norm(points - foot, axis=1).max() <= outer.limit + DEPTH_TOLERANCE
-
-
 def test_the_levels_use_their_depth_up(made):
     assert made.depth_used >= 0.95
 
@@ -248,15 +236,6 @@ def test_a_cut_too_deep_is_an_error():
     assert sum(found.depth_shares) == pytest.approx(1.0)  # what is deeper counts with the deepest
 
 
-def test_the_bottom_of_a_groove_is_no_deeper_than_the_cut():
-    made = morph(grooved(0.4), STOCK, SCHEDULE, chord_tolerance=0.02)
-    surfaces = [level.surface for level in made.levels[:-1] if level.surface is not None]
-    rng = np.random.default_rng(3)
-    s, t = np.mod(rng.uniform(-0.1, 0.1, 2000), 1), rng.uniform(0.2, 0.8, 2000)
-    for inner, outer, level in zip(surfaces, surfaces[1:], made.levels[1:]):
-        assert outer.project(inner.positions(s, t)).distances.max() <= level.limit + DEPTH_TOLERANCE
-
-
 def test_a_groove_left_too_far_behind_is_an_error_at_its_bottom():
     part, filled = grooved(0.4), grooved(1.0)
     inner, outer = (
@@ -340,11 +319,6 @@ def test_the_surface_is_the_same_with_more_control_points(discretisation):
     s, t = RNG.random((2, 500))
     assert np.abs(found.positions(s, t) - part.positions(s, t)).max() < 1e-12
     assert found.poles == part.poles
-
-
-def test_a_surface_that_is_fine_enough_stays_as_it_is(discretisation):
-    part = discretisation.surface
-    assert refine_for_depth(part, CAPSULE, 100.0).tmesh.size == part.tmesh.size
 
 
 def test_no_more_control_points_than_allowed(discretisation):

@@ -160,11 +160,6 @@ def test_a_stock_with_a_dent_through_the_part_is_refused_where_it_is():
     assert caught.value.evidence["place"] == pytest.approx([25, 30, 0.98], abs=0.1)
 
 
-def test_a_stock_that_touches_the_part_is_refused():
-    with pytest.raises(StockError, match=r"the stock (touches|lies .* behind) the part"):
-        morph_open(blade(), blade(), SCHEDULE)
-
-
 def test_a_ridge_that_the_control_points_miss_is_refused_with_how_far_and_where():
     with pytest.raises(
         StockError, match=r"5.98. mm off the one given at .*: give a smoother stock or more control points"

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError, VerifyError
+from bonecam.errors import VerifyError
 from bonecam.job import Job, MechanicsJob
-from bonecam.job.materials.preset import FOLDER, CuttingForce, StiffnessTable
+from bonecam.job.materials.preset import CuttingForce, StiffnessTable
 from bonecam.kernels.removal import Pieces
 from bonecam.machine.bodies import Frustum
 from bonecam.material.rays import lay_grid, lay_rays
@@ -25,11 +25,8 @@ from bonecam.mechanics.loads import (
     PathLoads,
     Standing,
     Workpiece,
-    cut_shares,
     feed_schedule,
-    mechanics_of_job,
     passing_force,
-    piece_through,
     workpiece_of,
 )
 from bonecam.mechanics.result import mechanics_of
@@ -205,15 +202,6 @@ def test_the_figures_of_the_report_are_those_of_the_loads():
     assert not np.delete(forces, path.moves).any()
 
 
-def test_a_point_belongs_to_the_nearest_piece_of_its_move():
-    starts = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 5, 0]])
-    ends = starts + np.array([1.0, 0, 0])
-    moves = np.array([4, 4, 4, 7])
-    pieces = Pieces(starts, ends, starts, starts, moves, *[None] * 4)
-    points = np.array([[1.4, 1, 0], [2.9, 0, 0], [2.9, 0, 0]])
-    assert piece_through(points, np.array([4, 4, 7]), pieces).tolist() == [1, 2, 3]
-
-
 def test_while_an_edge_passes_the_others_load_too():
     forces = one_path_forces(depth=1.2)
     middle = len(forces.mean) // 2
@@ -243,21 +231,6 @@ def one_path_forces(**how):
         patch.setattr(KeptErrors, "take", keep)
         run(**how)
     return kept[0]
-
-
-def test_shares_are_of_the_weight():
-    values, weights = np.array([3.0, 1.0, 2.0]), np.array([1.0, 98.0, 1.0])
-    assert cut_shares(values, weights, (0.5, 0.985, 1.0)).tolist() == [1.0, 2.0, 3.0]
-    assert cut_shares(np.zeros(0), np.zeros(0), (0.5,)).tolist() == [0.0]
-
-
-def test_a_material_without_a_modulus_is_refused(tmp_path):
-    file = tmp_path / "wax.toml"
-    file.write_text((FOLDER / "peek.toml").read_text().split("[stiffness]")[0])
-    job = Job().with_values(material={"name": str(file)})
-    with pytest.raises(JobError, match=r"wax.toml'.* no table \[stiffness\].*--no-mechanics") as caught:
-        mechanics_of_job(job)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_stub_of_the_bar_is_part_of_the_beam_with_the_shoulders_of_the_neck():

@@ -231,14 +231,6 @@ def flat(places: np.ndarray, faces: np.ndarray) -> TriangleMesh:
     return TriangleMesh(np.column_stack([places, np.zeros(len(places))]), faces)
 
 
-def test_cells_on_a_grid_are_its_squares():
-    places = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), axis=-1).reshape(-1, 2) * 0.5
-    areas = voronoi_areas(flat(places, delaunay(places))).reshape(5, 5)
-    np.testing.assert_allclose(areas[1:-1, 1:-1], 0.25, atol=1e-12)
-    np.testing.assert_allclose(areas[0, 1:-1], 0.125, atol=1e-12)
-    np.testing.assert_allclose(areas[0, 0], 0.0625, atol=1e-12)
-
-
 def test_a_point_has_the_places_nearer_to_it_than_to_any_other():
     """Eq. 10, by counting random places of the hull, away from its obtuse triangles."""
     random = np.random.default_rng(3)

@@ -76,7 +76,9 @@ def test_a_surface_that_bounds_no_volume_gets_a_new_skin(bone, monkeypatch):
     vertices[np.argmax(vertices[:, 0])] += [-0.5, 2, 3]
     mesh, done = repair(solid(vertices, bone.faces))
     assert faults_of(mesh) == ()
-    assert any("new skin" in each.change for each in done)
+    assert "new skin" in done[-1].change
+    assert done[-1].outward > 0.02
+    assert "mm outward" in str(done[-1])
 
 
 @pytest.mark.parametrize(

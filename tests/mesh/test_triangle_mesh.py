@@ -88,3 +88,20 @@ def test_a_scene_of_no_meshes_has_no_faces():
 def test_a_tensor_mesh_of_nothing_has_no_faces():
     mesh = mesh_from(open3d.t.geometry.TriangleMesh())
     assert len(mesh.vertices) == len(mesh.faces) == 0
+
+
+def test_a_mesh_of_pyvista_comes_in():
+    class PolyData:
+        """What pyvista 0.44 has of a surface that is no triangles, as its documentation says it."""
+
+        points, faces = CORNERS, np.array([4, 0, 1, 2, 3])
+
+        def extract_surface(self):
+            return self
+
+        def triangulate(self):
+            made = PolyData()
+            made.faces = np.ravel([[3, *face] for face in FACES])
+            return made
+
+    assert np.array_equal(mesh_from(PolyData()).faces, FACES)

@@ -1,7 +1,5 @@
 """Feeds that the axes can follow, even along each pass."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from controls import KINDS, PAIRS
@@ -14,7 +12,7 @@ from bonecam.machine import Machine
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import inverse_linear
 from bonecam.nc import Motions, drivable_paths, read_program, write_program
-from bonecam.nc.feeds import FEED_PER_MM, FLOOR, LARGEST_RATIO, feed_scale, on_scale
+from bonecam.nc.feeds import FEED_PER_MM, LARGEST_RATIO
 from bonecam.tool import MoveKind, ToolPath
 from bonecam.verify import Tolerances
 from bonecam.verify.readback import compare_moves
@@ -49,15 +47,6 @@ def axis_shares(motions: Motions, machine: Machine) -> np.ndarray:
         given = np.where(motions.inverse_time[1:], 1 / feeds, length / feeds)
     used = ~motions.rapid[1:] & motions.known_start[1:] & (length > 0.02)
     return np.asarray(needed[used] / given[used])
-
-
-def with_speeds(machine: Machine, speed: float) -> Machine:
-    """The machine with axes of another speed, mm/min and rad/min."""
-    groups = {
-        name: tuple(replace(axis, speed=speed) for axis in getattr(machine, name))
-        for name in ("linear", "part_axes", "tool_axes")
-    }
-    return replace(machine, **groups)
 
 
 def test_every_feed_of_the_text_is_one_that_the_axes_can_follow(pair):
@@ -161,20 +150,6 @@ def test_beside_the_pole_the_tool_waits_for_its_slowest_axis_and_no_longer(off_d
     assert program.time_min < needed.sum() + 0.2
 
 
-def test_a_block_that_is_slower_than_its_turn_is_told():
-    machine, dialect = PAIRS["linuxcnc"]
-    (path,) = drivable_paths([over_the_pole(0.5, 0.3, False)], machine, dialect, Job())
-    text = write_program([path], machine, dialect, Job()).text
-    lines = text.split("\n")
-    motions = read_program(text, machine, dialect)
-    slowest = int(np.argmin(np.where(motions.inverse_time & ~motions.rapid, motions.feed_rates, np.inf)))
-    line = int(motions.lines[slowest]) - 1
-    words, feed = lines[line].rsplit("F", 1)
-    lines[line] = f"{words}F{float(feed) / 2:.4f}"
-    with pytest.raises(VerifyError, match=rf"line {line + 1}: feed is .* meant"):
-        compare_moves(read_program("\n".join(lines), machine, dialect), [path], dialect, Tolerances())
-
-
 @pytest.mark.parametrize("name", ["heidenhain", "siemens-840d", "fanuc-30i"])
 def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(name):
     machine, dialect = PAIRS[name]
@@ -187,20 +162,6 @@ def test_a_program_has_a_few_dozen_feeds_and_states_them_where_they_change(name)
     assert len(np.unique(feeds)) <= 60
     in_runs = [line for line in text.splitlines() if "X" in line and "Y" in line and "Z" in line and "(" not in line]
     assert sum(" F" in line for line in in_runs) < 0.7 * len(in_runs)
-
-
-def test_the_rounding_raises_no_feed_and_lets_none_fall_below_its_floor():
-    tips = np.column_stack([np.linspace(0, 20, 60), np.zeros(60), np.full(60, 60.0)])
-    path = replace(path_of(tips, np.tile([0.0, 0.0, 1.0], (60, 1))), feed_rates=np.full(60, 1847.0))
-    number = PAIRS["heidenhain"][1].numbers.feed
-    scale = feed_scale(path, number)
-    feeds = np.geomspace(1.0, 1847.0, 999)
-    rounded = on_scale(feeds, scale)
-    assert (rounded <= feeds).all()
-    assert (rounded[feeds >= FLOOR * 1847.0] >= FLOOR * 1847.0 - number.step).all()
-    assert rounded[-1] == 1847.0
-    above = feeds > 100.0
-    assert (feeds[above] < (1 + LARGEST_STEP) * (rounded[above] + number.step)).all()
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -216,11 +177,3 @@ def test_no_block_has_no_length(name):
     motions = read_program(text, machine, dialect)
     assert (np.abs(np.diff(motions.words, axis=0)).max(axis=1) > 0).all()
     assert len(shorter.contacts) == len(shorter.pass_index) == 59
-
-
-def test_above_the_pole_no_block_goes_where_the_tool_stands():
-    machine, dialect = PAIRS["fanuc-30i"]
-    path = capsule_path(count=90, lift_deg=180.0)
-    motions = read_program(write_program([path], machine, dialect, Job()).text, machine, dialect)
-    still = np.abs(np.diff(motions.words, axis=0)).max(axis=1) == 0
-    assert not (still & motions.known_start[1:]).any()

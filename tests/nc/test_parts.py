@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from controls import KINDS
 from tool_paths import THREE_PATHS
 
-from bonecam.errors import FileError, JobError, MachineError, ProgramError, VerifyError
+from bonecam.errors import FileError, JobError, ProgramError, VerifyError
 from bonecam.job import Job
 from bonecam.machine import read_machine
-from bonecam.nc import Dialect, Program, dialect_names, read_program, write_program
+from bonecam.nc import Dialect, Program, read_program, write_program
 from bonecam.nc.parts import joined, part_count, program_files, stage_program_files, write_program_files
 from bonecam.nc.requirements import job_dialect
 from bonecam.runtime.staging import staged
@@ -38,7 +39,7 @@ def written(made: Made, folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("controller", "split", "files"),
     [
-        *((name, {"split": "level"}, 3) for name in dialect_names()),
+        *((name, {"split": "level"}, 3) for name in KINDS),
         ("heidenhain", {"split": "tool"}, 2),
         ("fanuc-30i", {"split_blocks": 1000}, 2),
     ],
@@ -189,15 +190,6 @@ def test_a_program_does_not_replace_a_part_that_another_calls(tmp_path):
     other, dialect, _ = made_of("linuxcnc", "BONE_1")
     with pytest.raises(FileError, match=r"bone_1\.ngc: it is a part of BONE: give another name"):
         program_files(other, dialect, tmp_path / "bone_1.ngc")
-
-
-def test_a_dialect_without_calls_cannot_split(tmp_path):
-    text = (Path(__file__).parents[2] / "bonecam/nc/dialects/linuxcnc.toml").read_text()
-    start, end = text.index("[calls]"), text.index("[templates]")
-    (tmp_path / "own.toml").write_text(text[:start] + text[end:])
-    job = Job().with_values(nc={"controller": str(tmp_path / "own.toml"), "split": "level"})
-    with pytest.raises(MachineError, match=r"^nc.split = 'level': own has no such: .* a table \[calls\]"):
-        job_dialect(job.nc)
 
 
 @pytest.mark.parametrize("controller", ["heidenhain", "fanuc-30i", "linuxcnc"])

@@ -66,25 +66,10 @@ def test_between_any_two_rows_the_control_stays_within_the_tolerance(control):
     assert len(moves.tips) > len(rough_path().tips)
 
 
-def test_the_rows_of_the_path_stay_and_keep_their_order(control):
-    path = rough_path()
-    moves = split_moves(path, control, TOLERANCE, HOLD)
-    last = np.r_[np.flatnonzero(np.diff(moves.rows)), len(moves.rows) - 1]
-    assert np.array_equal(moves.rows[last], np.arange(len(path.tips)))
-    assert np.array_equal(moves.tips[last], path.tips)
-    assert np.array_equal(moves.axes[last], path.axes)
-    assert np.array_equal(moves.kinds, path.kinds[moves.rows])
-
-
 def test_without_tool_centre_control_no_feed_move_is_longer_than_a_millimetre():
     moves = split_moves(rough_path(), CONTROLS["joints"], TOLERANCE, HOLD)
     steps = np.linalg.norm(np.diff(moves.tips, axis=0), axis=1)
     assert steps[moves.kinds[1:] != 2].max() <= 1 + 1e-9
-
-
-def test_a_path_fine_enough_is_left_alone():
-    path = capsule_path(count=900)
-    assert len(split_moves(path, CONTROLS["tool-centre"], TOLERANCE, HOLD).tips) == len(path.tips)
 
 
 @pytest.mark.parametrize("miss_deg", [0.0, 0.001, 0.05, 1.0])

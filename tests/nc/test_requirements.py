@@ -214,7 +214,8 @@ def test_the_program_of_a_part_with_a_long_name_has_one_that_the_control_takes()
     for name in dialect_names():
         dialect = read_dialect(name)
         assert len(program_name(f"{LONG * 3}.stl", dialect)) <= dialect.file_name.longest
-    assert program_name("out/left hand-3.h", dialect) == "LEFT_HAND_3"
+    for file, name in (("out/left hand-3.h", "LEFT_HAND_3"), ("", "BONE"), ("kn\u00f6chel.h", "KN_CHEL")):
+        assert program_name(file, read_dialect("heidenhain")) == name
 
 
 def test_a_batch_refuses_a_name_before_any_part(tmp_path):

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from machine_files import CHAINS, axis, machine_text, write_machine
+from machine_files import axis, machine_text, write_machine
 
 from bonecam.errors import MachineError
 from bonecam.machine import inverse_rotary, read_machine
@@ -49,23 +49,6 @@ MIKRON = read_machine("mikron-ucp600")
 HOLD = np.radians(0.0005)
 
 
-def test_the_chosen_angles_point_the_axis_and_stay_within_limits():
-    rng = np.random.default_rng(3)
-    axes = pointing(60 + 40 * np.sin(np.linspace(0, 9, 800)), np.linspace(0, 2000, 800) + rng.normal(0, 0.1, 800))
-    choice = choose_angles(MIKRON, axes, cuts(800), HOLD)
-    assert np.abs(tool_axes(MIKRON, choice.angles) - axes).max() < 1e-9
-    assert choice.angles[:, 0].min() >= np.radians(-115)
-    assert choice.angles[:, 0].max() <= np.radians(30)
-    assert not choice.rewinds.any()
-
-
-def test_an_endless_axis_winds_without_a_jump():
-    azimuth = np.linspace(0, 3600, 1441)
-    choice = choose_angles(MIKRON, pointing(80.0, azimuth), cuts(1441), HOLD)
-    turned = np.degrees(choice.angles[:, 1] - choice.angles[0, 1])
-    assert np.allclose(turned, azimuth, atol=1e-6)
-
-
 def test_through_the_singular_axis_the_tilt_changes_sign_and_the_table_rests():
     tilt = np.linspace(-20, 20, 41)
     choice = choose_angles(MIKRON, pointing(tilt, 30.0), cuts(41), HOLD)
@@ -81,22 +64,6 @@ def test_the_table_is_held_where_the_axis_is_upright():
     assert np.degrees(np.ptp(choice.angles[:, 1])) < 1e-6
     everywhere = choose_angles(MIKRON, np.tile([0, 0, 1.0], (5, 1)), cuts(5), HOLD)
     assert np.array_equal(everywhere.angles, np.zeros((5, 2)))
-
-
-def test_noise_within_the_hold_cone_does_not_turn_the_table():
-    rng = np.random.default_rng(5)
-    axes = np.column_stack([rng.normal(0, 1e-6, (200, 2)), np.ones(200)])
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    choice = choose_angles(MIKRON, axes, cuts(200), HOLD)
-    assert np.ptp(choice.angles[:, 1]) == 0
-    assert np.degrees(np.arccos(np.clip((tool_axes(MIKRON, choice.angles) * axes).sum(1), -1, 1))).max() < 0.0006
-
-
-def test_beyond_the_tilt_limit_the_error_names_axis_value_and_limit():
-    with pytest.raises(MachineError, match=r"point 3: B -?1[12]\d\.\d+ deg leaves the limit -115.000 deg") as caught:
-        choose_angles(MIKRON, pointing([50.0, 90.0, 114.0, 120.0], 10.0), cuts(4), HOLD)
-    assert caught.value.evidence["row"] == 3
-    assert caught.value.evidence["limit_deg"] == pytest.approx(-115)
 
 
 @pytest.mark.parametrize("endless", [False, True])
@@ -116,11 +83,6 @@ def test_a_winding_path_is_rewound_as_seldom_as_its_limits_allow(winding, low, h
     assert np.degrees(choice.angles[:, 1].min()) >= low - 1e-6
     assert np.degrees(choice.angles[:, 1].max()) <= high + 1e-6
     assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
-
-
-def test_a_limited_table_is_never_rewound_in_the_cut(winding):
-    with pytest.raises(MachineError, match="reach their limits within a cut"):
-        choose_angles(winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71), HOLD)
 
 
 def test_the_turn_in_which_a_stretch_begins_looks_ahead_over_all_of_it(winding):
@@ -152,11 +114,6 @@ def test_where_no_turn_fits_the_path_is_lifted_from_a_link_rather_than_from_a_cu
     assert np.flatnonzero(lifted.rewinds).tolist() == [37]
     kinds[[35, 38]] = MoveKind.RAPID
     assert np.flatnonzero(choose_angles(machine, axes, kinds, HOLD, liftable=everywhere).rewinds)[0] in (35, 38)
-
-
-def test_a_rewind_is_done_where_rapids_lead_to_and_from_it(winding):
-    choice = choose_angles(winding(-200, 200), pointing(60.0, np.linspace(0, 700, 71)), cuts(71, 34, 35, 36, 37), HOLD)
-    assert np.flatnonzero(choice.rewinds).tolist()[0] in (35, 36)
 
 
 def least_by_trial(machine, axes, kinds, low, high):
@@ -197,15 +154,6 @@ def test_no_other_sequence_has_fewer_rewinds_or_as_many_and_less_travel(winding,
     choice = choose_angles(machine, axes, kinds, HOLD)
     assert choice.rewinds.sum() == rewinds
     assert np.abs(np.diff(choice.angles, axis=0)).sum() == pytest.approx(travel, abs=0.02)
-
-
-@pytest.mark.parametrize("kind", ["table-table", "head-table", "head-head", "nutating"])
-def test_every_chain_follows_a_gentle_path_without_a_flip(kind, tmp_path):
-    machine = read_machine(write_machine(tmp_path, CHAINS[kind]))
-    axes = pointing(40 + 10 * np.sin(np.linspace(0, 6, 200)), np.linspace(-60, 60, 200))
-    choice = choose_angles(machine, axes, cuts(200), HOLD)
-    assert np.abs(tool_axes(machine, choice.angles) - axes).max() < 1e-9
-    assert np.degrees(np.abs(np.diff(choice.angles, axis=0)).max()) < 5
 
 
 def test_beyond_the_tilt_the_error_names_the_axis_that_cannot_reach_not_the_one_that_turns(winding):
@@ -297,8 +245,3 @@ def test_beside_the_pole_the_axes_turn_round_between_two_rows(winding):
     choice = choose_angles(machine, *lifted(tilted, cuts(4), places, turned), 0.0)
     assert np.degrees(choice.angles[:, 1].min()) >= -1e-6
     assert np.degrees(choice.angles[:, 1].max()) <= 360 + 1e-6
-
-
-def test_a_table_that_turns_for_ever_needs_no_lift():
-    axes, kinds = pointing(60.0, np.linspace(0, 5000, 1001)), cuts(1001)
-    assert not len(lift_places(read_machine("mikron-ucp600"), axes, kinds, NOWHERE)[0])

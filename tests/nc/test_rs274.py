@@ -125,16 +125,6 @@ def test_both_balls_are_on_their_paths_whatever_the_lengths_of_their_tools(run, 
         assert KDTree(centres).query(meant)[0].max() <= 0.001
 
 
-def test_without_g43_the_second_ball_would_be_off_by_the_length_of_its_tool(paths, tmp_path):
-    program = write_program(paths, MACHINE, DIALECT, Job())
-    wrong = Program(**{**program.__dict__, "text": program.text.replace("G43 H2\n", "")})
-    run = run_text(wrong, tmp_path)
-    right = run_text(program, tmp_path)
-    off = run.joints[:, 2] - right.joints[:, 2]
-    assert np.allclose(off[-50:], -LENGTHS[2], atol=1e-3)
-    assert np.allclose(off[:50], 0.0)
-
-
 def test_the_interpreter_calls_the_parts_and_makes_the_moves_of_the_whole(paths, tmp_path):
     known = tuple(replace(axis, limits=(-1000.0, 1000.0)) for axis in MACHINE.linear)
     machine, end = replace(MACHINE, linear=known), {"table_level": True, "park": "10, -20"}

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bonecam.errors import JobError
 from bonecam.job import Job, LevelsJob, read_job, write_job
 from bonecam.machine import read_machine
 from bonecam.mechanics import Beam, column_sections
@@ -107,15 +106,6 @@ def test_a_share_of_scallops_that_is_stated_holds_beside_found_depths(setup):
     assert made.scallop(len(made.levels.listed)) == pytest.approx(0.3 * made.levels.listed[-1])
 
 
-def test_a_softer_part_is_cut_in_more_and_thinner_cuts(setup):
-    hard, soft = (
-        with_found_depths(setup, FOUND.with_values(material={"name": name}), LIMITS).levels
-        for name in ("aluminium", "peek")
-    )
-    assert len(soft.listed) > len(hard.listed)
-    assert schedule_of(soft).lower_bound(5.0) > schedule_of(hard).lower_bound(5.0)
-
-
 def test_a_neck_near_its_strength_keeps_all_cuts_shallow(setup):
     thin = FOUND.with_values(holding={"diameter": 3.0})
     depths = with_found_depths(replace(setup, post=Post(1.5, LOW)), thin, LIMITS).levels.listed
@@ -146,13 +136,6 @@ def test_depths_are_found_where_none_is_stated(changes, found, tmp_path):
 
 def test_numbers_that_are_given_to_the_section_itself_hold():
     assert not leaves_depths_open(Job(levels=LevelsJob(roughing_depth=1.0)), neck_found=True)
-
-
-def test_a_material_of_unknown_stiffness_bears_no_depth(setup, tmp_path):
-    file = tmp_path / "wax.toml"
-    file.write_text('title = "wax"\nspindle = 4500.0\nfeed = 900.0\nsource = "s"\nrange = "r"\nnote = "n"\n')
-    with pytest.raises(JobError, match=r"no table \[stiffness\]"):
-        with_found_depths(setup, FOUND.with_values(material={"name": str(file)}), LIMITS)
 
 
 def test_depths_grow_with_what_stands_under_them():
@@ -226,9 +209,3 @@ def test_the_shares_are_those_of_errors_drawn_at_places_of_the_area():
     drawn = 8.0 * FORCE_SHARE * (found[places] + 0.001) * random.exponential(size=len(places))
     told = foretold_errors(BEAM, BAR, 0.001, 8.0, (0.95, 0.99))
     assert told == pytest.approx(np.quantile(drawn, (0.95, 0.99)), rel=0.02)
-
-
-def test_a_tip_that_gives_way_counts_more_at_95_percent_than_in_the_mean():
-    found, areas = normal_compliances(BEAM, BAR)
-    mean = found @ areas / areas.sum() + 0.001
-    assert foretold_errors(BEAM, BAR, 0.001, 8.0, (0.95,))[0] > 1.2 * 8.0 * FORCE_SHARE * np.log(20) * mean

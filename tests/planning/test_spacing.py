@@ -40,10 +40,6 @@ def test_two_balls_a_side_step_apart_leave_exactly_the_scallop(radius, scallop, 
     assert cusp_by_geometry(radius, step, curvature) == pytest.approx(scallop, abs=2e-6 * radius)
 
 
-def test_textbook_step_exceeds_the_scallop():
-    assert cusp_by_geometry(3.0, float(np.sqrt(8 * 0.1 * 3 / (1 + 0.1 * 3))), 0.1) > 0.101
-
-
 def test_a_section_sharper_than_the_ball_is_refused():
     with pytest.raises(ToolPathError, match="gouges") as caught:
         side_step(1.0, 0.01, np.array([0.2, -1.0]))
@@ -56,14 +52,6 @@ def test_scallop_outside_the_ball_is_a_wrong_call():
 
 
 @pytest.mark.parametrize("pattern", ["round", "along"])
-@pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_lines_increase_within_the_domain(pattern, radius):
-    lines = line_positions(grooved_pebble(1.0), pattern, radius, 0.02)
-    assert (np.diff(lines) > 0).all()
-    assert 0 <= lines[0] < lines[-1] < 1
-
-
-@pytest.mark.parametrize("pattern", ["round", "along"])
 def test_a_crease_does_not_crowd_lines_without_end(pattern):
     smooth = pebble()
     points = np.array(smooth.control_points)
@@ -72,11 +60,6 @@ def test_a_crease_does_not_crowd_lines_without_end(pattern):
     points[49:53] = points[25]
     creased = TSpline(smooth.tmesh, points, smooth.weights)
     assert len(line_positions(creased, pattern, 2.0, 0.05)) < 6 * len(line_positions(smooth, pattern, 2.0, 0.05))
-
-
-def test_a_smaller_scallop_takes_more_lines_by_its_root():
-    counts = [len(line_positions(pebble(), "round", 1.0, scallop)) for scallop in (0.04, 0.01)]
-    assert counts[1] / counts[0] == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_pattern_that_is_not_resolved_is_refused():

@@ -40,6 +40,7 @@ def imports_of(file: Path) -> set[tuple[str, str]]:
 def test_a_plugin_imports_promised_names_alone(plugin):
     taken = {item for file in plugin.rglob("*.py") for item in imports_of(file) if item[0].split(".")[0] == "bonecam"}
     assert taken, "it builds on bonecam"
+    assert not [item for item in taken if "wheels" in (*item[0].split("."), item[1])], "wheels stand apart"
     assert not {item for item in taken if item[0] not in MODULES} - promised()
 
 
@@ -50,6 +51,8 @@ def test_a_plugin_imports_no_other(plugin):
     assert not {module for module in taken if module.startswith("bonecam_plugins.") and not module.startswith(own)}
 
 
-def test_the_core_names_no_plugin():
+def test_the_core_names_no_plugin_and_no_wheels():
     for file in (ROOT / "bonecam").rglob("*.py"):
-        assert "bonecam_plugins" not in file.read_text(encoding="utf-8"), file
+        text = file.read_text(encoding="utf-8")
+        assert "bonecam_plugins" not in text, file
+        assert "bonecam.wheels" not in text or file.parent.name == "wheels", file

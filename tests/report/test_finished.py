@@ -27,6 +27,13 @@ def tube(tmp_path_factory):
     return bonecam.finish(skin(rows, 0.01), job=JOB, **files), folder
 
 
+def test_a_closed_surface_needs_no_part_and_finds_its_post(tube):
+    made, _ = tube
+    assert made.report["surface"]["kind"] == "closed round s"
+    assert made.report["post"]["length_mm"] == made.workpiece.solid.bounds[0, 2] > 0
+    assert made.report["nc"]["gouge_max_mm"] <= JOB.path.gouge_tolerance
+
+
 def test_the_page_from_kept_files_is_that_of_the_run(tube, tmp_path):
     made, folder = tube
     assert main(["view", str(folder / "keep"), "-o", str(tmp_path / "again.html")]) == 0

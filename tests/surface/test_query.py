@@ -56,14 +56,6 @@ def test_points_on_the_surface_seam_and_poles_come_home():
     np.testing.assert_allclose((parameters[away, 0] - s[away] + 0.5) % 1, 0.5, atol=1e-8)
 
 
-def test_points_above_the_poles_have_their_feet_there():
-    surface = bone_like(14, 12, 1, spread=0.0)
-    low, high = surface.control_points[[0, -1]]
-    found = surface.project(np.array([low, high]) + np.array([[0, 0, -1.5], [0, 0, 1.5]]))
-    np.testing.assert_allclose(found.distances, 1.5, atol=1e-3)
-    assert (found.distances <= 1.5 + 1e-12).all()
-
-
 def test_points_that_are_not_finite_are_refused():
     with pytest.raises(ValueError, match="point 1"):
         bone_like(8, 6).project(np.array([[0.0, 0, 0], [0, np.nan, 0]]))

@@ -133,13 +133,6 @@ def test_few_rows_are_enough(count):
     assert worst_miss(skin(rows, 0.01, closed=False), curves, row_parameters(curves)) < 0.01
 
 
-def test_two_straight_rows_make_a_flat_ruled_patch():
-    rows = [np.column_stack([np.linspace(0, 4, 5), np.full(5, y), np.zeros(5)]) for y in (0.0, 3.0)]
-    surface = skin(rows, 1e-6, closed=False)
-    assert surface.tmesh.size == 16
-    assert surface.area == pytest.approx(12)
-
-
 def test_few_rows_of_knots_are_kept_where_the_rows_are_simple():
     simple = [
         np.column_stack([np.linspace(0, 4, 15), np.full(15, y), y * np.linspace(-1, 1, 15) ** 2]) for y in range(5)
@@ -167,11 +160,6 @@ def test_open_elements_evaluate_as_the_blended_rows_do():
         assert np.allclose(basis @ surface.control_points, value, atol=1e-8 * np.abs(value).max())
 
 
-def test_a_looser_tolerance_never_needs_more_control_points():
-    sizes = [skin(ellipsoid_rows(), tolerance, poles=POLES).tmesh.size for tolerance in (1e-3, 1e-2, 1e-1)]
-    assert sizes == sorted(sizes, reverse=True)
-
-
 def test_the_control_curves_leave_the_poles_in_odd_directions():
     curves = RowCurves.through(ellipsoid_rows(), closed=True)
     control = control_curves(curves, POLES)
@@ -180,14 +168,6 @@ def test_the_control_curves_leave_the_poles_in_odd_directions():
     s = np.arange(17) / 17
     near, far = (periodic_collocation(control.fine, x) @ control.points[1] - POLES[0] for x in (s, np.mod(s + 0.5, 1)))
     assert np.allclose(near, -far, atol=1e-10)
-
-
-def test_the_surface_is_c2_across_the_seam():
-    surface = skin(ellipsoid_rows(), 0.01, poles=POLES)
-    t = np.linspace(0.1, 0.9, 9)
-    before, after = surface.evaluate(np.full(9, 1 - 1e-9), t, 2), surface.evaluate(np.zeros(9), t, 2)
-    for a, b in zip(before, after):
-        assert np.allclose(a, b, atol=1e-4)
 
 
 @pytest.mark.whole
@@ -347,15 +327,6 @@ def test_a_file_holds_rows_or_one_cloud(tmp_path):
     assert not holds_rows(tmp_path / "part.stl")
 
 
-def test_another_unit_scales_rows_and_poles(tmp_path):
-    rows = read_rows(write_rows([SECTION_POLES[:1], *sections(), SECTION_POLES[1:]], tmp_path / "rows.csv")).scaled(
-        1000.0
-    )
-    assert rows.poles is not None
-    np.testing.assert_array_equal(rows.poles, SECTION_POLES * 1000)
-    assert np.vstack(rows.rows)[:, 0].max() > 3900
-
-
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
@@ -412,23 +383,6 @@ def test_a_curve_with_inserted_knots_gives_them_back(closed):
     kept, found = Reduction(many, many, closed).least_of_all([fine], 1e-9)[0]
     assert np.array_equal(kept, few)
     assert np.allclose(found, points, atol=1e-8)
-
-
-def test_knots_for_curves_together_suffice_for_each():
-    knots = np.arange(1, 40) / 40
-    curves = [wandering(43, False, seed) for seed in (1, 2, 3)]
-    reduction = Reduction(knots, knots, False)
-    together = reduction.least_of_all([np.stack(curves, axis=1)], 0.2)[0][0]
-    for curve in curves:
-        assert len(reduction.least_of_all([curve], 0.2)[0][0]) <= len(together) < len(knots)
-
-
-def test_a_tolerance_nothing_reaches_keeps_all_knots():
-    knots = np.arange(20) / 20
-    points = wandering(20, True)
-    kept, found = Reduction(knots, knots, True).least_of_all([points], 1e-300)[0]
-    assert np.array_equal(kept, knots)
-    assert np.allclose(found, points, atol=1e-12)
 
 
 LONG, THICK, HIGH = 20.0, 3.0, 6.0

@@ -1,10 +1,14 @@
 """Every face, cell or voxel of a file is in the mesh that is read or named, whatever is damaged in the middle."""
 
+import base64
 import gzip
 import io
 import json
+import re
 import struct
+import sys
 import zipfile
+import zlib
 from collections.abc import Callable
 
 import numpy as np
@@ -77,9 +81,34 @@ def vtk(binary: bool, count: int = M, more: bytes = b"") -> bytes:
     return head.encode() + points + more + f"POLYGONS {count} {4 * count}\n".encode() + faces
 
 
+def offsets_vtk(binary: bool) -> bytes:
+    """As VTK 9 writes it: where each face begins, and the corners of all."""
+
+    def put(values: np.ndarray, kind: str) -> bytes:
+        return values.astype(kind).tobytes() if binary else " ".join(map(str, values.ravel())).encode()
+
+    head = f"# vtk DataFile Version 5.1\na\n{'BINARY' if binary else 'ASCII'}\nDATASET POLYDATA\nPOINTS {N} double\n"
+    between = f"\nMETADATA\nINFORMATION 0\n\nPOLYGONS {M + 1} {3 * M}\nOFFSETS vtktypeint64\n"
+    begins = put(3 * np.arange(M + 1), ">i8") + b"\nCONNECTIVITY vtktypeint64\n"
+    return head.encode() + put(V, ">f8") + between.encode() + begins + put(F, ">i8")
+
+
 def array(values: np.ndarray, name: str, kind: str, more: str = "") -> str:
     text = " ".join(map(str, values.ravel().tolist()))
     return f'<DataArray type="{kind}" Name="{name}" {more} format="ascii">{text}</DataArray>'
+
+
+def packed_vtp() -> bytes:
+    """The arrays of a VTP compressed by zlib, one block each."""
+
+    def packed(found: re.Match) -> str:
+        values = np.array(found[2].split(), dtype=found[1].lower())
+        squeezed = zlib.compress(values.tobytes())
+        head = base64.b64encode(struct.pack("<4I", 1, values.nbytes, 0, len(squeezed))).decode()
+        return f'{found[0].split("format=")[0]}format="binary">{head}{base64.b64encode(squeezed).decode()}<'
+
+    text = re.sub(r'<DataArray type="(\w+)"[^>]*>([^<]*)<', packed, vtp().decode())
+    return text.replace("byte_order", 'header_type="UInt32" compressor="vtkZLibDataCompressor" byte_order', 1).encode()
 
 
 def vtp(polygons: int = M, strips: int = 0, lines: int = 0) -> bytes:
@@ -202,9 +231,13 @@ WHOLE: dict[str, Callable[[], bytes]] = {
     "quoted.vtp": lambda: vtp(strips=9).replace(b'NumberOfStrips="9"', b"NumberOfStrips = '9'"),
     "unsigned.vtp": lambda: vtp().replace(b"Int64", b"UInt64"),
     "only_strips.vtp": lambda: vtp(strips=M),
+    "packed.vtp": packed_vtp,
+    "offsets.vtk": lambda: offsets_vtk(binary=False),
+    "offsets_binary.vtk": lambda: offsets_vtk(binary=True),
     "a.vtu": vtu,
     "a.glb": glb,
     "sparse.glb": lambda: glb(sparse=True),
+    "placed.glb": lambda: glb(nodes=[{"mesh": 0, "translation": [0.1, 0, 0]}]),
     "noscene.glb": lambda: glb(scenes=[]),
     "a.3mf": three_mf,
     "nounit.3mf": lambda: three_mf(unit=""),
@@ -322,6 +355,20 @@ UNREAD = {
         ply("ascii", more="element range_grid 1\nproperty list uchar int vertex_indices\n", tail=b"1 0\n"),
         "holds 1 of the element 'range_grid', which lists vertices",
     ),
+    "solid.vtk": (b"solid", "is no VTK file"),
+    "grid.vtk": (
+        b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\n",
+        "holds no surface but STRUCT",
+    ),
+    "cut.vtk": (vtk(False)[: vtk(False).index(b"\n", 150)], "is cut short"),
+    "cut_points.vtk": (vtk(True)[:150], "is cut short"),
+    "cut_faces.vtk": (vtk(True)[:-40], "is cut short"),
+    "far.vtk": (vtk(False).replace(b"\n3 ", b"\n3 9", 1), f"names a vertex outside 0..{N - 1}"),
+    "type.vtp": (b"<VTKFile type='x'>", "is no VTP"),
+    "cut.vtp": (packed_vtp()[:700], "cannot be read as VTP"),
+    "points.vtp": (vtp().replace(b'NumberOfPoints="%d' % N, b'NumberOfPoints="%d' % (N + 1)), "cannot be read as VTP"),
+    "head.glb": (b"glTF", "cannot be read as GLB"),
+    "head.3mf": (b"PK", "cannot be read as 3MF"),
     "word.stl": (text_stl().replace(b"vertex", b"vortex", 3), "line 4: 'vortex 6.0 0.0 0.0' is nothing of an STL"),
 }  # fmt: skip
 
@@ -365,6 +412,20 @@ def test_what_is_no_face_is_left_out_and_told(name, tmp_path):
     assert len(given.mesh.faces) == faces
     assert given.notes == (note,)
     assert given.mesh.diagonal * (1000 if given.unit == "m" else 1) < 25  # vertices of what is left out are gone
+
+
+@pytest.mark.parametrize("name", ["placed.glb", "components.3mf"])
+def test_a_part_lies_where_its_scene_places_it(name, tmp_path):
+    (tmp_path / name).write_bytes(
+        WHOLE[name]() if name in WHOLE else glb(nodes=[{"mesh": 0, "translation": [0.1, 0, 0]}])
+    )
+    np.testing.assert_allclose(read_in_mm(tmp_path / name).bounds, [[94, -6, -6], [106, 6, 6]], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["a.vtp", "a.vtu"])
+def test_without_its_library_one_line_names_the_extra(name, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshio.vtu", None)
+    check_refused(tmp_path / name, vtp(), "needs meshio: pip install 'bonecam[formats]'")
 
 
 @pytest.mark.parametrize(("mode", "named"), [(5, [4, 0, 2, 5, 1, 3]), (6, [4, 0, 2, 1, 3, 0])])

@@ -36,20 +36,10 @@ ONCE_ROUND = np.array([1.0, 0.0])
 VALUES = RANDOM.normal(0.8, 0.3, (2, AROUND * ALONG))
 
 
-def field(winding: int = 1) -> AxisField:
-    return AxisField(DOMAIN, winding, VALUES[0], VALUES[1])
-
-
 def test_the_basis_sums_to_one_and_is_periodic_in_s():
     matrix = basis(PLACES, DOMAIN)
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
     np.testing.assert_allclose(matrix.toarray(), basis(PLACES + ONCE_ROUND, DOMAIN).toarray(), atol=1e-12)
-
-
-def test_axes_are_unit_and_come_round_to_themselves():
-    axes = field().axes(PLACES)
-    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-12)
-    np.testing.assert_allclose(axes, field().axes(PLACES + ONCE_ROUND), atol=1e-12)
 
 
 @pytest.mark.parametrize("winding", [1, -1])

@@ -66,19 +66,6 @@ def test_levels_enclose_one_another_and_carry_their_depth(layers):
     assert (np.diff(volumes) > 0).all()
 
 
-def test_a_percentage_leads_to_the_same_levels_as_its_millimetres(phalanx):
-    found = []
-    for value in ("percentage", "mm"):
-        meshes = MeshSet()
-        meshes.load_new_mesh(str(phalanx))
-        meshes.apply_upright_pose()
-        diagonal = meshes.current_mesh().bounding_box().diagonal()
-        allowance = pymeshlab.PercentageValue(2.0) if value == "percentage" else 0.02 * diagonal
-        found.append(meshes.generate_stock_capsule(allowance=allowance))
-    assert found[0]["diameter_mm"] == found[1]["diameter_mm"]
-    assert found[0]["length_mm"] == found[1]["length_mm"]
-
-
 def test_a_box_is_told_by_its_sides(phalanx):
     meshes = MeshSet()
     meshes.load_new_mesh(str(phalanx))

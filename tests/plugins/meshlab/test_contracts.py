@@ -120,12 +120,6 @@ def test_round_trips_through_a_script(item, tmp_path):
 
 
 @EVERY
-def test_refuses_unknown_parameters_by_name(item):
-    with pytest.raises(FilterError, match=rf"{item.name} knows no parameter 'no_such_thing'"):
-        item.values({"no_such_thing": 1}, None)
-
-
-@EVERY
 def test_refuses_values_out_of_range_or_kind_by_name(item):
     for parameter in item.parameters:
         for bad in wrong_values(parameter):

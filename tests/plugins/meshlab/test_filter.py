@@ -183,11 +183,6 @@ COUNT = FilterParameter("count", Kind.INT, 3, "Count", "How many.", low=1, high=
 CHOICE = FilterParameter("how", Kind.ENUM, "up", "How", "Which way.", choices=("up", "down"))
 
 
-def test_percentage_is_of_the_bounding_box_diagonal():
-    assert LENGTH.resolved(pymeshlab.PercentageValue(2), BOX) == pytest.approx(1.0)
-    assert LENGTH.resolved(Percentage(2.0), BOX) == pytest.approx(1.0)
-
-
 def test_percentage_is_of_the_parameter_range_where_it_says_so():
     assert SHARE.resolved(pymeshlab.PercentageValue(25), None) == pytest.approx(4.5)
 

@@ -13,15 +13,7 @@ import numpy as np
 import pymeshlab
 import pytest
 from bonecam_plugins.meshlab import MeshSet, apply_script, run_script
-from bonecam_plugins.meshlab.meshlab_values import (
-    CAMERAS,
-    FilterCall,
-    ScriptParameter,
-    converted,
-    free_texts,
-    write_script,
-)
-from bonecam_plugins.meshlab.script_on_mesh import read_script
+from bonecam_plugins.meshlab.meshlab_values import CAMERAS, ScriptParameter, converted, free_texts
 from bonecam_plugins.meshlab.scripts import NAMES, READ, TEXTS, TEXTURES
 from small_parts import PAINTED_PLY
 
@@ -136,14 +128,6 @@ def test_a_run_that_fails_names_the_line_and_writes_nothing(tmp_path, phalanx, r
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_missing_or_broken_mesh_is_a_file_error(tmp_path, registry):
-    (tmp_path / "text.stl").write_text("no mesh\n")
-    for name in ("none.ply", "text.stl", "mesh.docx"):
-        with pytest.raises(FileError, match=name):
-            run_script(script(tmp_path, SMOOTH), [tmp_path / name], tmp_path / "out", registry=registry)
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_folder_that_cannot_be_made_is_refused_before_anything_ran(tmp_path, registry):
     path = script(tmp_path, SMOOTH)
     with pytest.raises(FileError, match="is a file: name a folder"):
@@ -161,16 +145,6 @@ def test_files_of_filters_and_layers_of_one_name_stay_apart(tmp_path, phalanx, r
     written = run_script(script(tmp_path, file, MOVE), [phalanx, phalanx], tmp_path / "out", registry=registry)
     assert [path.name for path in written] == ["moved.ply", "moved_1.ply", "note.txt", "phalanx.ply", "phalanx_1.ply"]
     assert all(path.is_file() for path in written)
-
-
-def test_parsed_steps_and_written_calls_agree(tmp_path, registry):
-    calls = [
-        FilterCall("generate_offset", (ScriptParameter("distance", "RichPercentage", {"value": "2.5"}),)),
-        FilterCall("Apply Turn"),
-    ]
-    write_script(calls, tmp_path / "script.mlx")
-    steps = read_script(tmp_path / "script.mlx", registry)
-    assert [(step.name, step.values) for step in steps] == [("generate_offset", {"distance": 2.5}), ("apply_turn", {})]
 
 
 def test_values_of_meshlab_s_types_are_converted():
@@ -215,15 +189,22 @@ def test_a_cad_part_is_a_layer_like_a_mesh(tmp_path, registry):
     assert written.name == "block.ply"
 
 
-def test_what_is_no_mesh_is_refused_by_its_name(tmp_path, registry):
-    (tmp_path / "scans").mkdir()
-    (tmp_path / "notes.md").write_text("no mesh")
-    for name, trouble in (
+@pytest.mark.parametrize(
+    ("name", "trouble"),
+    [
+        ("none.ply", ""),
+        ("text.stl", ""),
+        ("mesh.docx", ""),
         ("scans", "is a folder: give a file in it"),
-        ("notes.md", r"Unknown format for load: md: give a readable"),
-    ):
-        with pytest.raises(FileError, match=rf"{name}: {trouble}"):
-            run_script(script(tmp_path, MOVE), [tmp_path / name], tmp_path / "out", registry=registry)
+        ("notes.md", "Unknown format for load: md: give a readable"),
+    ],
+)
+def test_what_is_no_mesh_is_refused_by_its_name(name, trouble, tmp_path, registry):
+    (tmp_path / "scans").mkdir()
+    for text in ("text.stl", "notes.md"):
+        (tmp_path / text).write_text("no mesh\n")
+    with pytest.raises(FileError, match=rf"{name}: {trouble}"):
+        run_script(script(tmp_path, MOVE), [tmp_path / name], tmp_path / "out", registry=registry)
     assert not (tmp_path / "out").exists()
 
 
