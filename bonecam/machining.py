@@ -53,7 +53,6 @@ from bonecam.planning.neck import (
 )
 from bonecam.planning.parting import check_parting
 from bonecam.planning.post_length import blocked_share, check_reached, post_advice
-from bonecam.planning.stump import check_second
 from bonecam.plugins import added, run_added
 from bonecam.progress import Progress, part, report, silent
 from bonecam.report import warnings
@@ -137,7 +136,6 @@ def stand_part(
                 check_reached(setup, job, limits)
             check_parting(setup, job, limits, stated)
             check_blank(setup, job)
-            check_second(setup.part, setup.post, job)
             check_room(setup.stock, job, machine)
             check_probing(setup.stock, job, machine)
         check_cuts(setup.part.mesh, setup.stock, job.levels)

@@ -5,6 +5,7 @@ the post stands on it.
 """
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from bonecam.errors import knowing
@@ -22,11 +23,9 @@ from bonecam.progress import Progress, part, silent
 from bonecam.report import warnings
 from bonecam.report.kept import Morphed, Result
 from bonecam.report.outputs import File, Outputs, keep_refused, refusing, report_refused, with_removal
-from bonecam.runtime.timing import StageTimes
-from bonecam.second_clamping import check_simulated, second_program
+from bonecam.second_clamping import check_shell_files, check_simulated, second_program, whole_job, with_second
 from bonecam.setup.placement import with_stock
 from bonecam.setup.stock import Stock, check_sizes
-from bonecam.setup.stocks.mesh import ConvexStock
 from bonecam.tool.cutter import check_depths
 from bonecam.verify.control import check_posting
 from bonecam.verify.findings import given_surface
@@ -45,6 +44,7 @@ def convert(
     html: File = None,
     sheet: File = None,
     apt: File = None,
+    whole: bool = False,
     simulation: bool = True,
     mechanics: bool = True,
     progress: Progress = silent,
@@ -57,11 +57,15 @@ def convert(
     `program`, `report` and `surface` (its ending says its kind), the page `html`, the setup `sheet`, the path `apt` and
     the folder `keep` are written at the end, together; a second clamping has a program, page and path of its own
     (bone.second.h). A run that is refused writes its `report` as far as it came, with `refused`, and to `keep` only a
-    level that fails its check, or the program that its proof refuses. Without `simulation` the
+    level that fails its check, or the program that its proof refuses. A part that is made `whole` is parted, and a
+    second program cuts the stump off it in a shell, which is made, searched for its height, and written beside the
+    program before anything is planned: bone.shell.stl where it stands, in frame and unit of the part's file, and
+    bone.shell.print.stl and .3mf to print, mm. Without `simulation` the
     removal of material is not simulated from the posted text, without `mechanics` force and bending are not asked.
     Raises a BonecamError that names the trouble and the remedy.
     """
     job, body = with_stock(_require_job(job), stock)
+    job = whole_job(job, program) if whole else job
     machine, dialect = machine_and_dialect(job.nc)
     check_job(job, machine, dialect)
     check_reach(job, machine)
@@ -83,10 +87,13 @@ def convert(
     )
     given, source = _given(mesh)
     outputs.check(source, dialect)
+    if whole:
+        check_shell_files(Path(job.holding.second), [source, program])
     with report_refused(report) as times:
-        morphed = morph_part(
-            given, job, machine=machine, keep=keep, times=times, progress=part(progress, 0.0, 0.3), body=body
-        )
+        stand = partial(stand_part, given, machine=machine, times=times, progress=part(progress, 0.0, 0.03), body=body)
+        share = part(progress, 0.03, 0.1)
+        standing = with_second(stand, job, machine, times, share, whole=whole, mechanics=mechanics)
+        morphed = morph_standing(standing, keep, times, part(progress, 0.1, 0.3))
         with keep_refused(morphed, keep, times):
             posting = Posting(machine, dialect, source, program, times)
             result = _program_of(morphed, posting, part(progress, 0.3, 0.97), simulation, mechanics=mechanics)
@@ -118,9 +125,8 @@ def morph_levels(
     outputs.check(source)
 
     with report_refused(report) as times:
-        morphed = morph_part(
-            given, job, machine=None, keep=keep, times=times, progress=part(progress, 0.0, 0.95), body=body
-        )
+        standing = stand_part(given, job, machine=None, times=times, progress=part(progress, 0.0, 0.1), body=body)
+        morphed = morph_standing(standing, keep, times, part(progress, 0.1, 0.95))
     with times.stage("files"):
         outputs.write(morphed, part(progress, 0.95, 1.0))
     return morphed
@@ -149,20 +155,6 @@ def check_parts(job: Job) -> None:
     check_added("orientations", path.orientation)
     check_added("methods", levels.method)
     check_added("solvers", levels.solver)
-
-
-def morph_part(
-    mesh: str | Path | TriangleMesh,
-    job: Job,
-    machine: Machine | None,
-    keep: File,
-    times: StageTimes,
-    progress: Progress,
-    body: ConvexStock | None = None,
-) -> Morphed:
-    """Part, surface and levels in a stock for which `machine` has room, the `body` where one is given."""
-    standing = stand_part(mesh, job, machine=machine, times=times, progress=part(progress, 0.0, 0.1), body=body)
-    return morph_standing(standing, keep, times, part(progress, 0.1, 1.0))
 
 
 def _program_of(morphed: Morphed, posting: Posting, progress: Progress, simulation: bool, *, mechanics: bool) -> Result:

@@ -1,7 +1,7 @@
 """The second clamping of a small lump that was parted; and shells that do not do."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,9 +12,10 @@ from small_parts import level_of, mesh_of, pebble
 from typed_values import differences
 
 import bonecam
-from bonecam.errors import JobError, MeshError, VerifyError
+from bonecam.errors import BendingError, JobError, MeshError, VerifyError
 from bonecam.job import HoldingJob, Job, MechanicsJob
 from bonecam.machine import read_machine
+from bonecam.mechanics.loads import Standing as Stands
 from bonecam.mesh import MeshDistance, Part, TriangleMesh, write_mesh
 from bonecam.mesh.smooth_surface import convex_hull
 from bonecam.mesh.solids import solid_difference
@@ -24,14 +25,17 @@ from bonecam.nc.requirements import second_job
 from bonecam.planning import Scene
 from bonecam.planning.parting import parting_paths
 from bonecam.planning.stump import check_second, cut_groove
+from bonecam.progress import silent
 from bonecam.report.typed import SecondFigures
-from bonecam.second_clamping import second_program
+from bonecam.runtime.timing import StageTimes
+from bonecam.second_clamping import second_program, with_second
 from bonecam.setup import Capsule, ConvexStock, smallest_capsule
 from bonecam.verify import simulate_removal
 from bonecam.verify.clearances import shell_clearance
 from bonecam.verify.removal import check_removal_of_job, cutters_of, simulate_stump
 from bonecam.workholding import clamping_of, post_below
-from bonecam.workholding.shell import shell_round
+from bonecam.workholding.post import Post
+from bonecam.workholding.shell import printed_shell, read_shell
 
 pytestmark = pytest.mark.whole
 
@@ -54,13 +58,21 @@ def part_of(mesh: TriangleMesh) -> Part:
     return Part(mesh, "", len(mesh.faces), "mm", (), np.eye(4), mesh)
 
 
+def fits(job: Job, post: Post) -> None:
+    """What is asked of the lump's shell before anything is planned."""
+    part = part_of(LUMP)
+    shell = read_shell(job, part)
+    assert shell is not None
+    check_second(shell, part.mesh, post, job)
+
+
 @pytest.fixture(scope="module")
 def parted(tmp_path_factory):
     """The finished lump, with what the simulation of its parting leaves; and a job with a shell."""
     lump = mesh_of(pebble(), around=40, along=50)
     file = tmp_path_factory.mktemp("second") / "shell.stl"
-    write_mesh(shell_round(lump, 0.5, 3.0, 0.1), file)
-    job = job_with(file, second_height=2.0, second_chuck_diameter=20.0, second_chuck_height=4.0)
+    write_mesh(printed_shell(lump, 0.5, 3.0, 0.1).solid, file)
+    job = job_with(file, second_height=2.0, second_chuck_diameter=30.0, second_chuck_height=4.0)
     post = post_below(lump, job.holding)
     clamping = clamping_of(job.holding, MACHINE.table)
     scene = Scene(lump, lump, smallest_capsule(lump.vertices, 0.5), post, 0.1, clamping=clamping)
@@ -107,8 +119,17 @@ def test_force_and_bending_of_the_stump_are_those_of_what_stands_over_the_shell(
     assert "BENDING KEEPS" in second.program.text
     assert "error kept" in second.summary
     # half of the lump of 12 mm is in a shell that lies against it all round
-    assert second.removal.mechanics.workpiece.clamped == pytest.approx(2.0 + 3.1 + 6.0, abs=0.6)
-    assert told["first_hz"] > 10_000, "6 mm of a bar of 5 mm"
+    assert second.removal.mechanics.workpiece.clamped == pytest.approx(2.0 + 7.6 + 6.0, abs=0.6)
+    rigid = replace(second.removal.mechanics.workpiece, seat=None)
+    remaining, vertices = second.removal.remaining, second.clamping.part.vertices
+    top = vertices[[np.argmax(vertices[:, 2])]]
+    standing = Stands(remaining.sets, remaining.grid, float(top[0, 2]))
+    soft, hard = (work.beam(standing) for work in (second.removal.mechanics.workpiece, rigid))
+    assert hard.first_frequency(2700.0) > 10_000, "6 mm of a bar of 5 mm"
+    assert soft.compliance(top)[0, 0, 0] > 5 * hard.compliance(top)[0, 0, 0]
+    assert told["shell"]["modulus_mpa"] == 1600
+    assert "THE SHELL OF 1600 N/MM2 BEARS" in second.program.text
+    assert "the shell of 1600 N/mm2 bears" in second.summary
     weak = second.removal.mechanics.workpiece.stiffness.model_copy(update={"yield_strength": 1.0})
     work = replace(second.removal.mechanics.workpiece, stiffness=weak, limits=MechanicsJob())
     bent = replace(second.removal.mechanics, workpiece=work)
@@ -155,17 +176,17 @@ def test_a_shell_without_room_for_what_stays_at_the_tailstock_is_refused(tmp_pat
     """A closed shell round the free end, and one with a hole there as wide as is told."""
     held = {"tailstock": "pin", "tailstock_diameter": 2.0, "tailstock_x": 1e-3}
     bore = Capsule(np.array([0.0, 0, 11.0]), np.array([0.0, 0, 40.0]), 2.1).mesh(0.02)
-    whole = shell_round(LUMP, 0.5, 3.0, 0.1)
+    whole = printed_shell(LUMP, 0.5, 3.0, 0.1).solid
     file = tmp_path / "shell.stl"
     for shell, room in ((whole, False), (solid_difference(whole, bore), True)):
         write_mesh(shell, file)
         job = job_with(file, **held)
         post = post_below(LUMP, job.holding)
         if room:
-            check_second(part_of(LUMP), post, job)
+            fits(job, post)
         else:
             with pytest.raises(JobError, match=r"what stays at the tailstock, .* leave a hole there of 4 mm"):
-                check_second(part_of(LUMP), post, job)
+                fits(job, post)
 
 
 def test_the_header_tells_the_second_mounting(second):
@@ -174,7 +195,7 @@ def test_the_header_tells_the_second_mounting(second):
     assert second.program.zero_height == pytest.approx(rim, abs=0.0005)
     assert "Z 0 ON THE RIM OF THE SHELL" in text
     assert "TURNED OVER ABOUT X" in text
-    assert f"DIAMETER 20.00 MM, UP TO Z {4.0 - rim:.2f}" in text
+    assert f"DIAMETER 30.00 MM, UP TO Z {4.0 - rim:.2f}" in text
     assert "TEXT READ BACK" in text
     assert "POST BELOW IT" not in text
 
@@ -278,17 +299,80 @@ def _moved(mesh: TriangleMesh, *shift: float) -> TriangleMesh:
     ],
 )
 def test_a_shell_that_does_not_do_is_refused_before_any_level_is_made(fault, error, message, tmp_path):
-    good = shell_round(LUMP, 0.5, 2.0, 0.1)
+    good = printed_shell(LUMP, 0.5, 2.0, 0.1).solid
     shells = {
         "open": lambda: TriangleMesh(good.vertices, good.faces[1:]),
         "aside": lambda: _moved(good, 0.5, 0.0, 0.0),
-        "wide": lambda: shell_round(LUMP, 0.5, 2.0, 0.5),
-        "long": lambda: shell_round(LUMP, 0.9, 2.0, 0.1),
+        "wide": lambda: printed_shell(LUMP, 0.5, 2.0, 0.5).solid,
+        "long": lambda: printed_shell(LUMP, 0.9, 2.0, 0.1).solid,
     }
     file = tmp_path / "shell.stl"
     write_mesh(shells[fault](), file)
     with pytest.raises(error, match=message):
-        check_second(part_of(LUMP), post_below(LUMP, JOB.holding), job_with(file))
+        fits(job_with(file), post_below(LUMP, JOB.holding))
+
+
+def test_a_shell_bears_feeds_until_error_or_stress_reach_their_limit(second):
+    """With the largest error at that which is kept it bears just these feeds; with less the feeds fall by more, as what
+    the edges press stays."""
+    mechanics = second.removal.mechanics
+    borne = []
+    for largest in (mechanics.error.p99, 0.9 * mechanics.error.p99, 0.001):
+        limits = replace(mechanics.workpiece.limits, largest_error=largest)
+        borne.append(replace(mechanics, workpiece=replace(mechanics.workpiece, limits=limits)).feeds_borne)
+    assert borne[0] == pytest.approx(1.0)
+    assert 0 < borne[1] < 0.9
+    assert 0 <= borne[2] < borne[1]
+
+
+@pytest.fixture(scope="module")
+def stands():
+    """The lump on its post, before anything is planned."""
+    job = JOB.with_values(holding={"second": "lump.shell.stl"})
+    lump = _moved(LUMP, 0.0, 0.0, job.holding.length)
+    post = post_below(lump, job.holding)
+    return SimpleNamespace(job=job, setup=SimpleNamespace(part=part_of(lump), post=post))
+
+
+@dataclass(frozen=True)
+class Stood:
+    """What `with_second` reads of a part that stands."""
+
+    setup: SimpleNamespace
+    job: Job
+
+
+def told_early(stands, tmp_path, **values: dict[str, object]) -> Job:
+    """The job with the shell that is made for the lump and foretold to do."""
+    job = stands.job.with_values(holding={"second": str(tmp_path / "lump.shell.stl")}, **values)
+    standing = Stood(stands.setup, job)
+    made = with_second(lambda _: standing, job, MACHINE, StageTimes(), silent, whole=True, mechanics=True)
+    return made.job
+
+
+def test_the_shell_that_is_made_for_a_part_is_the_highest_that_leaves_the_ball_room(stands, tmp_path):
+    job = told_early(stands, tmp_path, mechanics={"refuse": True})
+    part, post = stands.setup.part, stands.setup.post
+    shell = read_shell(job, part)
+    check_second(shell, part.mesh, post, job)
+    raised = np.eye(4)
+    raised[2, 3] = -0.3
+    with pytest.raises(JobError, match="of the ball that cuts the stump off"):
+        check_second(shell.move(raised), part.mesh, post, job)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "lump.shell.stl",
+        "lump.shell.print.stl",
+        "lump.shell.print.3mf",
+    }
+
+
+def test_what_refuses_the_second_program_is_found_before_planning_with_a_remedy_that_was_tried(stands, tmp_path):
+    with pytest.raises(BendingError) as refused:
+        told_early(stands, tmp_path, mechanics={"refuse": True, "largest_error": 0.001})
+    text = str(refused.value)
+    assert "refused before planning" in text
+    assert "neither with roughing.feed" in text
+    assert not list(tmp_path.iterdir()), "a shell that does not do is not written"
 
 
 @pytest.mark.parametrize(("controller", "given", "taken"), [("heidenhain", 1, 2), ("siemens-840d", 3, 4)])
@@ -297,11 +381,6 @@ def test_the_second_clamping_has_the_next_work_offset(controller, given, taken):
     assert second_job(job).nc.work_offset == taken
     with pytest.raises(JobError, match=r"work_offset = 4: .* siemens-840d has not: give 1 to 3"):
         bonecam.convert(LUMP, job.with_values(nc={"controller": "siemens-840d", "work_offset": 4}))
-
-
-def test_a_shell_has_a_size():
-    with pytest.raises(ValueError, match="covered = 1, wall = 3, gap = 0: give a share between 0 and 1"):
-        shell_round(LUMP, 1.0, 3.0, 0.0)
 
 
 @pytest.mark.parametrize("controller", ["siemens-840d", "fanuc-30i"])

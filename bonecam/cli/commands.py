@@ -4,7 +4,6 @@ import argparse
 import json
 from contextlib import nullcontext
 from functools import partial
-from pathlib import Path
 
 import bonecam
 from bonecam.cli.catalogues import CATALOGUES, run_catalogue
@@ -34,21 +33,12 @@ from bonecam.cli.command import (
 )
 from bonecam.errors import JobError
 from bonecam.files import check_files, write_whole
-from bonecam.job import field_error, write_job, write_short_job
+from bonecam.job import write_job, write_short_job
 from bonecam.plugins import all_added
 
 
 def run_convert(options: argparse.Namespace) -> int:
     """`bonecam convert`: the NC program of a part; with --whole that of its second clamping too."""
-    if getattr(options, "whole", False):
-        # a shell round half of the part, beside the program
-        job = job_of(options)
-        if job.holding.second:
-            raise field_error("holding", "second", job.holding.second, "--whole makes a shell: leave one of them out")
-        shell = Path(options.program).with_suffix(".shell.stl")
-        check_files([shell, options.program], [options.mesh, *input_files(options)])
-        bonecam.clamping_shell(options.mesh, job, output=shell)
-        options.set = [*options.set, "holding.parting=true", f"holding.second={shell}"]
     return make(bonecam.convert, options)
 
 
@@ -84,8 +74,11 @@ def run_view(options: argparse.Namespace) -> int:
 
 def run_shell(options: argparse.Namespace) -> int:
     """`bonecam shell`: a shell for the second clamping."""
-    job = job_of(options)
-    bonecam.clamping_shell(options.mesh, job, output=options.output, covered=options.covered)
+    job = bonecam.clamping_shell(options.mesh, job_of(options), output=options.output, covered=options.covered)
+    holding = job.holding
+    values = {"parting": "true", "second": holding.second, "second_flat": holding.second_flat}
+    values["second_pin"] = f"{holding.second_pin:g}"
+    print(" ".join(f"--set holding.{name}={value}" for name, value in values.items()))
     return 0
 
 
@@ -208,8 +201,8 @@ COMMANDS: dict[str, Command] = {
             argument(
                 "--whole",
                 action="store_true",
-                help="cut the stump of the post off too: writes a shell that holds the parted part (bone.shell.stl), "
-                "and a second program (bone.second.h)",
+                help="cut the stump of the post off too: writes a shell that holds the parted part (bone.shell.stl; to "
+                "print: bone.shell.print.3mf and .stl), and a second program (bone.second.h)",
             ),
             *KEPT,
             *RESULTS,

@@ -7,6 +7,9 @@ from bonecam.job.parameter import JobSection, check, millimetres, parameter
 
 NO_TAILSTOCK, PIN, NECK = "none", "pin", "neck"
 AUTO, TURNED, MILLED = "auto", "turned", "milled"
+NO_FLAT = "none"
+FLATS = {"+X": (1.0, 0.0), "-X": (-1.0, 0.0), "+Y": (0.0, 1.0), "-Y": (0.0, -1.0)}
+"""Where a flat of the shell may face in the second clamping, as a unit vector in the plane of the table."""
 
 
 LEAST_POST = 0.5
@@ -162,6 +165,24 @@ class HoldingJob(JobSection):
     second_chuck_height: float = millimetres(
         0.0, "Second chuck height", "From the table to the top of that chuck or vice.", 0.0, 500.0
     )
+    second_flat: str = parameter(
+        NO_FLAT,
+        "Second flat",
+        "Where the flat on the side of the shell faces in the second clamping, which fixes its turn; none: no flat.",
+        choices=(NO_FLAT, *FLATS),
+    )
+    second_pin: float = millimetres(
+        0.0, "Second pin", "Diameter of the pin under the shell, on the axis of the stump; 0: none.", 0.0, 50.0
+    )
+    second_modulus: float = parameter(
+        1600.0,
+        "Second modulus",
+        "Elasticity of the shell: of PLA printed upright, across its layers (PolyTerra PLA, data sheet V5.3: 1615, and "
+        "1997 along them).",
+        1.0,
+        1e6,
+        unit="N/mm2",
+    )
 
     @property
     def has_tailstock(self) -> bool:
@@ -186,6 +207,9 @@ class HoldingJob(JobSection):
             chuck_diameter=self.second_chuck_diameter,
             chuck_height=self.second_chuck_height,
             clearance=self.clearance,
+            second_flat=self.second_flat,
+            second_pin=self.second_pin,
+            second_modulus=self.second_modulus,
         )
 
     @property

@@ -15,6 +15,12 @@ With the flexibility S of a slice a length, P = [p]x and [c]x the matrices of th
 1966: 6 (1 + nu) / (7 + 6 nu)). Left out: what the holder of the lower end gives way, and all that is not bending of
 slender pieces (a shoulder is a slice of `shoulder`).
 
+A shell of plastic that holds the lower end gives way too. The part in it is a rigid bar in an elastic wall that pushes
+back with k = 0.65 E_s / (1 - nu^2) on each mm of the height h in which it holds (Winkler's foundation, Vesic 1961), so
+that it moves by 1 / (k h) and turns by 12 / (k h^3); the shell below the middle of that height is a cantilever of
+which each piece (half) bends by itself. Their integrals are the first of the sums above. Left out: the gap, which the
+screws draw shut; what the screws themselves give way.
+
 A tailstock holds the free end. Its pin or upper neck bends as a cantilever under the arm, hinged at the part; the arm
 bends across itself, and the column bends and, where the force is across the arm, twists:
 
@@ -41,7 +47,8 @@ from bonecam.job import HoldingJob
 from bonecam.job.holding_section import NECK
 from bonecam.kernels.rays import TILE, RaySet
 from bonecam.material.rays import RayGrid, order
-from bonecam.mesh.triangle_mesh import TriangleMesh
+from bonecam.mesh.solids import pieces_of
+from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.runtime.threads import on_one_blas_thread
 from bonecam.workholding.post import Column
 
@@ -232,11 +239,14 @@ def _from_moments(ends: Float[ndarray, " e"], moments: Float[ndarray, "n 3 3"]) 
 POISSON = 0.33
 """Poisson's ratio where a material states none: aluminium and titanium 0.33, PEEK 0.38 to 0.40, bone 0.3 to 0.4; from
 0.3 to 0.4 a compliance changes by less than 1 %."""
+WALL_MODULUS = 0.65
+"""The wall of a shell pushes back with so many times E / (1 - nu^2) on each mm of height: a bar on a half-space (Vesic
+1961), without its factor ((E d^4 / (E_b I))^(1/12), 0.8 to 1 here)."""
 AT_ONCE = 4000
 """Contacts whose stress is found at once."""
 
 
-_Integrals = tuple[Float[ndarray, "n 3 3"], Float[ndarray, "n 3 3"], Float[ndarray, "n 3 3"]]
+Integrals = tuple[Float[ndarray, "n 3 3"], Float[ndarray, "n 3 3"], Float[ndarray, "n 3 3"]]
 """Sums over the slices below a height: A0, A1, A2 of the bending, with what shear and pull give; mm, N."""
 
 
@@ -250,9 +260,19 @@ class Support:
 
 
 @dataclass(frozen=True, eq=False)
+class Seat:
+    """What a shell that holds a beam from the height `low` up gives way there, and the `youngs` modulus (MPa) of the
+    shell: the integrals A0 (1/(N mm)), A1 (1/N), A2 (mm/N) of what is below the beam."""
+
+    low: float
+    youngs: float
+    integrals: Integrals
+
+
+@dataclass(frozen=True, eq=False)
 class Beam:
-    """A beam of `sections`, rigidly held below the first, of a material with `youngs` modulus (MPa) and Poisson's
-    ratio, and with a further `support` if it has one.
+    """A beam of `sections`, held below the first, rigidly or in a `seat`, of a material with `youngs` modulus (MPa) and
+    Poisson's ratio, and with a further `support` if it has one.
 
     ValueError where the modulus is not positive, the ratio is not between -1 and 0.5, or a slice has no area.
     """
@@ -261,6 +281,7 @@ class Beam:
     youngs: float
     poisson: float = POISSON
     support: Support | None = None
+    seat: Seat | None = None
 
     def __post_init__(self) -> None:
         if not (self.youngs > 0 and -1 < self.poisson < 0.5):
@@ -358,7 +379,7 @@ class Beam:
 
     def _pieces(
         self, which: Int[ndarray, " n"], top: Float[ndarray, " n"], flexible: Float[ndarray, " n"]
-    ) -> _Integrals:
+    ) -> Integrals:
         """The integrals over slices from their lower ends to `top`, a `flexible` length of which bends."""
         low = self.sections.low[which]
         place = np.column_stack([self.sections.centroid[which], (low + top) / 2])
@@ -371,10 +392,12 @@ class Beam:
         return each, each @ cross, second + straight
 
     @cached_property
-    def _sums(self) -> _Integrals:
-        """The integrals over all slices below each, the first of them zero."""
+    def _sums(self) -> Integrals:
+        """The integrals over all that gives way below each slice, that above the last one too."""
         whole = self._pieces(np.arange(len(self.sections.low)), self.sections.high, self.sections.flexible)
-        a0, a1, a2 = (np.concatenate([np.zeros((1, 3, 3)), np.cumsum(part, axis=0)]) for part in whole)
+        first = self.seat.integrals if self.seat is not None else np.zeros((3, 1, 3, 3))
+        both = zip(first, whole, strict=True)
+        a0, a1, a2 = (np.cumsum(np.concatenate([below, part]), axis=0) for below, part in both)
         return a0, a1, a2
 
     def _stress(self, forces: Float[ndarray, "n 3"], points: Float[ndarray, "n 3"]) -> Float[ndarray, " n"]:
@@ -405,6 +428,36 @@ class Beam:
             square = np.einsum("nsi,sij,nsj->ns", moment, strength[runs], moment)
             worst = np.maximum(worst, np.where(met, square, 0.0).max(axis=1, initial=0.0))
         return np.sqrt(worst)
+
+
+def shell_seat(shell: TriangleMesh, part: TriangleMesh, foot: float, high: float, youngs: float) -> Seat:
+    """What a shell of a `youngs` modulus (MPa) gives way that is held rigidly below the height `foot`, and holds the
+    lower end of a `part` up to the height `high`, mm."""
+    low = float(part.bounds[0, 2])
+    height, middle = high - low, (low + high) / 2
+    inside = mesh_sections(part, low, high)
+    x, y = np.average(inside.centroid, axis=0, weights=inside.area)
+    wall = WALL_MODULUS * youngs / (1 - POISSON**2)
+    turns = np.diag([12 / height**2, 12 / height**2, np.pi / float(inside.area.mean())]) / (wall * height)
+    cross = _cross_matrix(np.array([[x, y, middle]]))[0]
+    integrals = [turns, turns @ cross, cross.T @ turns @ cross + np.eye(3) / (wall * height)]
+    if foot < middle:
+        names = pieces_of(shell)
+        pieces = [mesh_sections(keep_faces(shell, names == name), foot, middle) for name in np.unique(names)]
+        area = np.sum([each.area for each in pieces], axis=0)
+        moved = np.sum([each.area[:, None] * each.centroid for each in pieces], axis=0)
+        second = np.sum([each.second for each in pieces], axis=0)
+        whole = Sections(
+            pieces[0].low,
+            pieces[0].high,
+            area=area,
+            centroid=moved / np.maximum(area, LEAST_AREA)[:, None],
+            second=second,
+            flexible=np.diff(_ends(foot, middle)),
+        )
+        integrals = [one + below[-1] for one, below in zip(integrals, Beam(whole, youngs)._sums, strict=True)]
+    a0, a1, a2 = (one[None] for one in integrals)
+    return Seat(low, youngs, (a0, a1, a2))
 
 
 def _cross_matrix(vectors: Float[ndarray, "n 3"]) -> Float[ndarray, "n 3 3"]:

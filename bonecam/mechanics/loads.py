@@ -16,7 +16,7 @@ the peaks lose in time the rest wins.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,11 +32,13 @@ from bonecam.kernels.removal import Pieces
 from bonecam.material.rays import RayGrid
 from bonecam.mechanics.beam import (
     Beam,
+    Seat,
     Support,
     column_sections,
     join,
     mesh_sections,
     ray_sections,
+    shell_seat,
     shoulder,
     tailstock_support,
 )
@@ -75,8 +77,9 @@ class Workpiece:
     """A material with its `stiffness` and the `force` that cuts it, on a `post`, that on the `stub` of the bar if there
     is one, held rigidly below the height `clamped`, mm; and the `limits` of a job. Above the post stands the `body`,
     or, if there is none, all that rays tell of. Without a post this is held itself, as in the shell of a second
-    clamping. `lighter` are finishing cuts in words, with the share of the force that they take. A `support` holds the
-    free end, if there is one, and `holding` is the job's, where a tailstock may be offered."""
+    clamping, which gives way as its `seat`. `lighter` are finishing cuts in words, with the share of the force that
+    they take. A `support` holds the free end, if there is one, and `holding` is the job's, where a tailstock may be
+    offered."""
 
     material: str
     stiffness: StiffnessTable
@@ -89,13 +92,17 @@ class Workpiece:
     lighter: tuple[tuple[str, float], ...] = ()
     support: Support | None = None
     holding: HoldingJob | None = None
+    seat: Seat | None = None
 
     def beam(self, standing: Standing) -> Beam:
         """What stands as a beam, with the shoulders of the post: at its top against what is a diameter above that, and
         at its foot against the stub."""
         sets, grid = standing.sets, standing.grid
         if self.post is None:
-            return Beam(ray_sections(sets, grid, self.clamped, standing.top), self.stiffness.elasticity)
+            low = self.clamped if self.seat is None else self.seat.low
+            sections = ray_sections(sets, grid, low, standing.top)
+            flexible = np.where(sections.low < self.clamped, 0.0, sections.flexible)
+            return Beam(replace(sections, flexible=flexible), self.stiffness.elasticity, seat=self.seat)
         diameter = 2 * self.post.radius
         foot = self.stub.top if self.stub else self.clamped
         if self.body is None:
@@ -134,14 +141,17 @@ def workpiece_of(job: Job, post: Post, clamping: Clamping) -> Workpiece:
 def stump_workpiece(job: Job, part: TriangleMesh, shell: TriangleMesh) -> Workpiece:
     """The workpiece of a second clamping: a turned part whose shell holds it; JobError as in `workpiece_of`."""
     stiffness, force = mechanics_of_job(job)
+    clamped = held_below(part, shell)
+    foot = max(float(shell.bounds[0, 2]), job.holding.chuck_height)
     return Workpiece(
         material=job.material.name,
         stiffness=stiffness,
         force=force,
         post=None,
-        clamped=held_below(part, shell),
+        clamped=clamped,
         limits=job.mechanics,
         lighter=lighter_cuts(force, job),
+        seat=shell_seat(shell, part, foot, clamped, job.holding.second_modulus),
     )
 
 

@@ -5,7 +5,7 @@ on a thicker neck, with a pin at the free end, with a clamp higher up, and with 
 stiffer part follows single edges where a softer one gives way under their mean.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -60,10 +60,6 @@ def remedies(
     whole = share(beam)
     options += [Remedy(what, times * whole, stress) for what, times in lighter]
     if work.post is None:
-        top = float(beam.sections.high[-1])
-        if work.clamped + NECK < top:
-            held = beam.sections.between(work.clamped + NECK, top)
-            options.append(Remedy(f"a shell {NECK:g} mm higher", share(replace(beam, sections=held)), stress))
         return tuple(sorted(options, key=lambda remedy: remedy.p99))
     foot = work.stub.top if work.stub else work.clamped
     diameter = 2 * work.post.radius
@@ -238,6 +234,22 @@ class Mechanics:
         return cut_shares(stress, minutes, (0.95, 0.99, 1.0))
 
     @property
+    def feeds_borne(self) -> float | None:
+        """How many times its feeds the program may be driven at, in a shell, with error and stress below the largest:
+        the force of the edges, (1 - e) f + e of the times f, where e is what they press whatever the feed. 0: however
+        slowly, more; None where no shell holds, or nothing is cut."""
+        bent = [path for path in self.paths if len(path.moves)]
+        if self.workpiece.seat is None or not bent:
+            return None
+        peaks, shares = (np.concatenate([getattr(path, name) for path in bent]) for name in ("peak", "edge_share"))
+        edge = float(np.average(shares, weights=peaks))
+        error = self.error.p99 if self.error is not None else 0.0
+        loaded = max(error / self.workpiece.limits.largest_error, float(self.stress[1]) / self.largest_stress)
+        if not loaded > 0 or edge >= 1:
+            return None
+        return max((1 / loaded - edge) / (1 - edge), 0.0)
+
+    @property
     def slowest(self) -> PathLoads | None:
         """The path behind which the lowest frequency is least beside that of its edges."""
         return max(self.paths, key=lambda path: path.tooth_hz / path.first_hz, default=None)
@@ -255,6 +267,8 @@ class Mechanics:
         beyond = ", beyond what holds" if self.faults else ""
         _, p99, most = self.stress
         yields = f"yields at {self.workpiece.stiffness.yield_strength:g}"
+        if self.feeds_borne is not None:
+            yields += f"; {shell_text(self.report['shell'])}"
         return f"{error}stress at peaks {p99:.0f} N/mm2 for 99 % of the cutting, {most:.0f} at most, {yields}{beyond}"
 
     @property
@@ -275,12 +289,21 @@ class Mechanics:
             "band": list(work.force.band),
             "coefficients": work.force.source,
             "scaled": work.force.scaled,
+            "shell": None
+            if work.seat is None or self.feeds_borne is None
+            else {"modulus_mpa": work.seat.youngs, "feeds_borne": round(self.feeds_borne, 2)},
             "faults": list(self.faults),
             "remedies": [
                 {"what": one.what, "p99_um": round(UM * one.p99, 2), "stress_mpa": round(one.stress, 1)}
                 for one in self.remedies
             ],
         }
+
+
+def shell_text(shell: Mapping[str, float]) -> str:
+    """What the report tells of a shell, in words."""
+    bears = f"bears {shell['feeds_borne']:g} times these feeds" if shell["feeds_borne"] else "bears no feed"
+    return f"the shell of {shell['modulus_mpa']:g} N/mm2 {bears}"
 
 
 def mechanics_of(loads: Loads) -> Mechanics | None:
@@ -297,6 +320,12 @@ def mechanics_of(loads: Loads) -> Mechanics | None:
         helps = remedies(
             work, loads.standing, kept=kept, areas=error.areas, tooth_hz=tooth, stress=float(mechanics.stress[1])
         )
+        borne = mechanics.feeds_borne
+        if borne:
+            slower = f"feeds of {np.floor(100 * borne) / 100:g} times these (roughing.feed, finishing.feed)"
+            less = min(work.limits.largest_error / max(error.p99, np.finfo(float).tiny), 1.0)
+            bent = min(mechanics.largest_stress / max(float(mechanics.stress[1]), np.finfo(float).tiny), 1.0)
+            helps = (Remedy(slower, min(less, bent) * error.p99, min(less, bent) * float(mechanics.stress[1])), *helps)
         mechanics = replace(mechanics, remedies=helps)
     return mechanics
 

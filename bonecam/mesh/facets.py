@@ -50,6 +50,15 @@ from bonecam.kernels.closest_points import tree_order
 from bonecam.mesh.triangle_mesh import TriangleMesh
 
 
+def vertex_areas(mesh: TriangleMesh) -> Float[ndarray, " v"]:
+    """A third of the area of the faces at each vertex, mm^2."""
+    thirds = np.linalg.norm(mesh.face_vectors, axis=1) / 6
+    areas = np.zeros(len(mesh.vertices))
+    for k in range(3):
+        np.add.at(areas, mesh.faces[:, k], thirds)
+    return areas
+
+
 def vertex_normals(mesh: TriangleMesh) -> Float[ndarray, "n 3"]:
     """Unit normals: the sum of the cross products of the faces round each vertex, not normalised before, so that
     each face counts by its area (Xu et al. 2013, Eq. 19).

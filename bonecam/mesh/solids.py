@@ -93,10 +93,19 @@ def solid_union(meshes: Sequence[TriangleMesh], names: Sequence[str] = ()) -> Tr
 
 def solid_difference(one: TriangleMesh, other: TriangleMesh) -> TriangleMesh:
     """The boundary of what lies in the first closed mesh and not in the second; MeshError as in `solid_union`."""
-    for mesh, name in ((one, "the first solid"), (other, "the second solid")):
-        _require_solid(mesh, name)
-    faces = one.faces.astype(np.int64), other.faces.astype(np.int64)
-    return _boolean("minus", one.vertices, faces[0], other.vertices, faces[1])
+    return _boolean("minus", *_arrays(one, "the first solid"), *_arrays(other, "the second solid"))
+
+
+def solid_intersection(one: TriangleMesh, other: TriangleMesh) -> TriangleMesh:
+    """The boundary of what lies in both closed meshes, without faces where there is nothing; MeshError as in
+    `solid_union`."""
+    return _boolean("intersect", *_arrays(one, "the first solid"), *_arrays(other, "the second solid"))
+
+
+def _arrays(mesh: TriangleMesh, name: str) -> tuple[ndarray, ndarray]:
+    """Vertices and faces of a closed mesh, as libigl takes them; MeshError as in `solid_union`."""
+    _require_solid(mesh, name)
+    return mesh.vertices, mesh.faces.astype(np.int64)
 
 
 def _boolean(name: str, *arrays: ndarray) -> TriangleMesh:
@@ -170,6 +179,16 @@ def cylinder(radius: float, bottom: float, top: float, chord_tolerance: float) -
     radii = np.concatenate([disc, np.full(len(rises) - 2, radius), disc[::-1]])
     heights = np.concatenate([np.full(len(disc), bottom), rises[1:-1], np.full(len(disc), top)])
     return revolve(radii, heights, (bottom, top), around)
+
+
+def prism(outline: Float[ndarray, "n 2"], bottom: float, top: float) -> TriangleMesh:
+    """The closed outward upright prism over a convex `outline`, counter-clockwise seen from above, mm."""
+    count = len(outline)
+    points = np.vstack([np.column_stack([outline, np.full(count, height)]) for height in (bottom, top)])
+    index = np.arange(count)
+    fan = np.column_stack([np.zeros(count - 2, dtype=np.int64), index[1:-1], index[2:]])
+    sides = band_faces(index[None], index[None] + count)
+    return TriangleMesh(points, np.vstack([fan[:, ::-1], fan + count, sides]).astype(np.int32))
 
 
 def band_faces(lower: ndarray, upper: ndarray) -> ndarray:

@@ -30,7 +30,7 @@ from numpy import ndarray
 from bonecam.arrays import lengths, unit
 from bonecam.errors import MachineError
 from bonecam.job import Job
-from bonecam.job.holding_section import MILLED
+from bonecam.job.holding_section import MILLED, NO_FLAT
 from bonecam.job.materials.preset import Material, read_material
 from bonecam.machine.control import Control
 from bonecam.machine.kinematics import forward, inverse_linear, tool_axes
@@ -604,8 +604,14 @@ def second_setup_texts(
     if holding.chuck_height:
         size = f"diameter {holding.chuck_diameter:.2f} mm, up to {level(holding.chuck_height)}"
         chuck = f"a chuck or vice of at most {size}"
+    datum = []
+    if holding.second_flat != NO_FLAT:
+        datum.append(f"datum: the flat of the shell, to which its arrow points, faces {holding.second_flat}")
+    if holding.second_pin:
+        datum.append(f"datum: a pin of {holding.second_pin:.2f} mm in the shell's base, at X 0 Y 0")
     return [
         "second clamping: the parted part, turned over about X, stands in its shell",
+        *datum,
         f"shell: from {level(low)} to {level(high)}, round the finished end of the part",
         f"stump: broken or sawn off, up to {level(top)} at most",
         f"clamping: {chuck}",

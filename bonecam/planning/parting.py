@@ -16,7 +16,7 @@ from bonecam.machine.limits import MachineLimits
 from bonecam.material.in_process_stock import DEVIATION
 from bonecam.mesh.solids import revolve, segments_around, solid_union
 from bonecam.planning.oriented_path import orient
-from bonecam.planning.post_length import STAND_OFFS, stand_on_post, with_stand_off
+from bonecam.planning.post_length import STAND_OFFS, least_groove, stand_on_post, with_stand_off
 from bonecam.planning.scene import Scene
 from bonecam.planning.stump import groove_below, groove_core, parting_contacts, parting_cutters
 from bonecam.setup.capsule import Capsule, enclosing_capsule
@@ -132,8 +132,7 @@ def check_parting(setup: Setup, job: Job, limits: MachineLimits, stated: Holding
 
 def _trouble(setup: Setup, job: Job, limits: MachineLimits) -> str:
     """What is wrong with the groove of a job; empty where a cutter gets all round it."""
-    clamping = clamping_of(job.holding, limits.bodies.table).below
-    kept = max((column.top for column in clamping.kept_columns("cutter")), default=clamping.clearance)
+    kept = least_groove(clamping_of(job.holding, limits.bodies.table))
     lowest = float(setup.part.mesh.bounds[0, 2])
     grooves = [groove_below(lowest, setup.post, job.holding, cutter) for cutter in parting_cutters(job, limits.bodies)]
     bottom = max(groove.bottom for groove in grooves)

@@ -170,8 +170,14 @@ def parting_lift(setup: Setup, job: Job, limits: MachineLimits) -> float:
         scene = replace(_scene_of(mesh, setup, job, depth), core=groove_core(contacts, setup.post))
         some = np.linspace(0, len(contacts.normals) - 1, ROUND).astype(np.int64)
         sampled = SampledContacts(CollisionChecker(scene, cutter), contacts.centres[some], contacts.normals[some])
-        lifts.append(least_lifts(sampled, clamping, job, limits).max())
+        lifts.append(max(least_lifts(sampled, clamping, job, limits).max(), least_groove(clamping) - groove.bottom))
     return float(min(lifts))
+
+
+def least_groove(clamping: Clamping) -> float:
+    """The least height (mm) of the bottom of a parting groove over what the cutter is kept off."""
+    below = clamping.below
+    return max((column.top for column in below.kept_columns("cutter")), default=below.clearance)
 
 
 def with_stand_off(setup: Setup, job: Job, limits: MachineLimits, spare: float = 0.0) -> tuple[Job, float]:

@@ -32,7 +32,6 @@ from bonecam.machine.bodies import MachineBodies
 from bonecam.machine.limits import MachineLimits
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.facets import vertex_normals
-from bonecam.mesh.part import Part
 from bonecam.mesh.triangle_mesh import TriangleMesh, side_by_side
 from bonecam.planning.contacts import POST_CLEARANCE, at_post, flute_slack
 from bonecam.planning.layers import (
@@ -64,7 +63,7 @@ from bonecam.tool.cutter import MAX_DEPTH_RADII, Cutter
 from bonecam.tool.path import PARTING, ContactPath, MoveKind, ToolPath
 from bonecam.workholding.clamping import clamping_of
 from bonecam.workholding.post import Post
-from bonecam.workholding.shell import SecondClamping, read_shell
+from bonecam.workholding.shell import SecondClamping
 
 RAMP = np.pi / 2
 """Each step comes down over this angle, radians."""
@@ -342,18 +341,20 @@ class StumpPlaces:
     normals: Float[ndarray, "n 3"]
 
 
-def check_second(part: Part, post: Post, job: Job) -> None:
-    """Errors of `read_shell`, and JobError where the shell leaves no room for a ball on the places that stay at the
-    post."""
-    shell = read_shell(job, part)
-    if shell is None:
-        return
+def stump_balls(part: TriangleMesh, post: Post, job: Job) -> Float[ndarray, "n 3"]:
+    """Centres of the finishing ball on the vertices of a standing part that it leaves at the post, not at what holds
+    the free end; mm."""
     radius = job.tool("finishing").radius
+    normals = vertex_normals(part)
+    held = at_post(part.vertices, normals, post.alone, radius)
+    return part.vertices[held] + radius * normals[held]
 
-    # The vertices of the part that a ball of `radius` (mm) leaves at the post, not at what holds the free end
-    normals = vertex_normals(part.mesh)
-    held = at_post(part.mesh.vertices, normals, post.alone, radius)
-    centres = part.mesh.vertices[held] + radius * normals[held]
+
+def check_second(shell: TriangleMesh, part: TriangleMesh, post: Post, job: Job) -> None:
+    """JobError where a shell leaves no room for a ball on the places of a standing part that stay at the post, or for
+    what stays at the tailstock."""
+    radius = job.tool("finishing").radius
+    centres = stump_balls(part, post, job)
     around = MeshDistance(shell)
     least = float((around.signed(centres) - radius).min())
     if least < job.path.clearance:

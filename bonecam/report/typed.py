@@ -359,6 +359,13 @@ class RemedyFigures(TypedDict):
     stress_mpa: float
 
 
+class ShellFigures(TypedDict):
+    """The modulus of the shell of a second clamping, and how many times its feeds the program may be driven at."""
+
+    modulus_mpa: float
+    feeds_borne: float
+
+
 class MechanicsFigures(TypedDict, total=False):
     """Force and bending of the program."""
 
@@ -375,6 +382,7 @@ class MechanicsFigures(TypedDict, total=False):
     band: list[float]
     coefficients: str
     scaled: bool
+    shell: ShellFigures | None
     faults: list[str]
     remedies: list[RemedyFigures]
 

@@ -17,6 +17,7 @@ from bonecam.job import Job
 from bonecam.job.sections import CUTTERS
 from bonecam.job.warnings_section import GUESSED_REFUSED, LEFT_REFUSED, SLENDER_REFUSED, SPINDLE_REFUSED
 from bonecam.machine.machine import Machine, read_machine
+from bonecam.mechanics.result import shell_text
 from bonecam.text.numbers import told_apart
 
 NOT_ASKED = {"skipped": "force and bending were not asked"}
@@ -37,6 +38,8 @@ def mechanics_lines(mechanics: Mapping[str, Any] | None) -> Iterator[str]:
     low, up = mechanics["band"]
     authors = f"authors differ for {mechanics['material']}: {low:g} to {up:g} times this"
     yield f"          force {most:.0f} N at most; {authors}"
+    if mechanics["shell"]:
+        yield f"          {shell_text(mechanics['shell'])}"
 
 
 def bending_text(mechanics: Mapping[str, Any]) -> str:

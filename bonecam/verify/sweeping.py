@@ -42,6 +42,7 @@ from bonecam.material.dexels import with_more_room
 from bonecam.material.rays import RayGrid, lay_grid, lay_rays, least_cell, order
 from bonecam.mechanics.edges import NO_EDGES_ASKED
 from bonecam.mechanics.loads import Finished, Standing
+from bonecam.mesh.facets import vertex_areas
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.motions import Motions
@@ -397,12 +398,7 @@ def normal_probes_on(part: TSpline, chord_tolerance: float = CHORD) -> NormalPro
     """Normal probes at the vertices of a fine tessellation, on the exact surface and along its exact normals."""
     tessellation = part.tessellate_with_parameters(chord_tolerance)
     s, t = tessellation.parameters.T
-    corners = tessellation.mesh.faces
-    thirds = np.linalg.norm(tessellation.mesh.face_vectors, axis=1) / 6
-    areas = np.zeros(len(tessellation.mesh.vertices))
-    for k in range(3):
-        np.add.at(areas, corners[:, k], thirds)
-    return NormalProbes(tessellation.mesh, part.positions(s, t), part.normals(s, t), areas)
+    return NormalProbes(tessellation.mesh, part.positions(s, t), part.normals(s, t), vertex_areas(tessellation.mesh))
 
 
 BRICK = 0.4

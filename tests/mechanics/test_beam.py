@@ -13,9 +13,10 @@ import pytest
 from bonecam.job import HoldingJob
 from bonecam.material.rays import lay_grid, lay_rays
 from bonecam.mechanics import Beam, Sections, Support, column_sections, join, mesh_sections, ray_sections, shoulder
-from bonecam.mechanics.beam import STEEL, tailstock_support
+from bonecam.mechanics.beam import POISSON, STEEL, shell_seat, tailstock_support
 from bonecam.mesh import TriangleMesh
-from bonecam.mesh.solids import revolve
+from bonecam.mesh.solids import prism, revolve
+from bonecam.mesh.triangle_mesh import side_by_side
 from bonecam.setup import Cylinder
 from bonecam.setup.stocks.capsule import Capsule
 from bonecam.workholding.post import Column
@@ -107,6 +108,39 @@ def test_a_soft_support_shares_the_load_with_the_beam():
     both = Beam(sections, E, NU, soft).compliance(at(0, 0, 50.0))[0]
     assert both[0, 0] == pytest.approx(alone / 2, rel=1e-9)
     assert both[1, 1] == pytest.approx(alone, rel=1e-9)
+
+
+def test_a_shell_gives_way_as_an_elastic_wall_and_a_cantilever():
+    """A rigid bar in a wall of k N/mm on each mm of its height h moves by F / (k h) and turns by 12 F z / (k h^3), on a
+    solid cantilever below the middle of that height; in a chuck up to there the wall alone gives way."""
+    soft, height, top = 1600.0, 12.0, 30.0
+    part = revolve(np.array([3.0, 3.0]), np.array([10.0, top]), (10.0, top), 200)
+    shell = revolve(np.array([12.0, 12.0]), np.array([0.0, 22.0]), (0.0, 22.0), 200)
+    sections = mesh_sections(part, 10.0, top)
+    rigid = replace(sections, flexible=np.zeros(len(sections.low)))
+    wall = 0.65 * soft / (1 - POISSON**2)
+    arm = top - 16.0
+    in_wall = 1 / (wall * height) + 12 * arm**2 / (wall * height**3)
+    for foot in (16.0, 0.0):
+        seat = shell_seat(shell, part, foot, 10.0 + height, soft)
+        found = Beam(rigid, E, NU, seat=seat).compliance(at(0, 0, top))[0, 0, 0]
+        cantilever = Beam(mesh_sections(shell, 0.0, 16.0), soft).compliance(at(0, 0, top))[0, 0, 0] if not foot else 0.0
+        assert found == pytest.approx(in_wall + cantilever, rel=1e-9)
+    bent = Beam(sections, E, NU, seat=seat).compliance(at(0, 0, top))[0, 0, 0]
+    alone = Beam(sections, E, NU).compliance(at(0, 0, top))[0, 0, 0]
+    assert bent == pytest.approx(found + alone, rel=1e-9)
+
+
+def test_the_halves_of_a_shell_bend_each_by_itself():
+    part = revolve(np.array([3.0, 3.0]), np.array([10.0, 30.0]), (10.0, 30.0), 60)
+    outline = np.array([[0.5, -8.0], [8.0, -8.0], [8.0, 8.0], [0.5, 8.0]])
+    halves = side_by_side([prism(outline, 0.0, 22.0), prism(-outline, 0.0, 22.0)])
+    seat = shell_seat(halves, part, 0.0, 22.0, 1600.0)
+    wall = shell_seat(halves, part, 16.0, 22.0, 1600.0)
+    (shell,) = seat.integrals[0] - wall.integrals[0]
+    along, across = 2 * 7.5 * 16.0**3 / 12, 2 * 16.0 * 7.5**3 / 12
+    assert shell[0, 0] == pytest.approx(16.0 / (1600.0 * along), rel=1e-6), "about X as one block"
+    assert shell[1, 1] == pytest.approx(16.0 / (1600.0 * across), rel=1e-6), "about Y as two"
 
 
 def test_the_stress_is_the_moment_over_the_modulus_at_the_weakest_slice():

@@ -19,8 +19,8 @@ from bonecam.nc import machine_limits, read_dialect, write_program
 from bonecam.planning import Scene
 from bonecam.planning.layers import HeightField, depths_in
 from bonecam.planning.parting import check_parting, foretold_scene, parting_paths
-from bonecam.planning.post_length import parting_lift, stand_on_post, with_stand_off
-from bonecam.planning.stump import STEPS, cut_groove, off_part, stump_chart, stump_layers
+from bonecam.planning.post_length import least_groove, parting_lift, stand_on_post, with_stand_off
+from bonecam.planning.stump import STEPS, cut_groove, groove_below, off_part, parting_cutters, stump_chart, stump_layers
 from bonecam.report import read_apt
 from bonecam.report.tables import apt_text
 from bonecam.setup import ConvexStock, Setup, schedule_of, smallest_capsule
@@ -237,6 +237,20 @@ def test_the_lower_the_part_stands_the_more_it_has_to_be_lifted_for_the_groove(s
     assert lifts[0] <= 0 < lifts[1]
     assert lifts[1] == pytest.approx(lifts[0] + 25.0)
     assert parting_lift(setup, JOB.with_values(holding={"parting": False}), LIMITS) == -np.inf
+
+
+def test_a_part_stands_so_high_that_the_groove_is_over_what_the_cutter_is_kept_off(setup):
+    """On a stub up to just under the groove the part is lifted by what is missing, and then no more."""
+    lowest = float(setup.part.mesh.bounds[0, 2])
+    cutters = parting_cutters(JOB, MACHINE.bodies)
+    groove = max(groove_below(lowest, setup.post, JOB.holding, cutter).bottom for cutter in cutters)
+    bar = {"chuck_diameter": 30.0, "chuck_height": 10.0, "stub_diameter": 6.0, "stub_length": groove - 10.2}
+    job = JOB.with_values(holding={**bar, "length": 0.0})
+    kept = least_groove(clamping_of(job.holding, MACHINE.table))
+    lift = parting_lift(setup, job, LIMITS)
+    assert kept > groove
+    assert lift >= kept - groove - 1e-9
+    assert parting_lift(setup.lift(lift), job, LIMITS) <= 1e-9
 
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -32,7 +32,7 @@ def second_run(tmp_path_factory):
     """The same capsule parted and held a second time in a shell, and the folder with all that was written."""
     folder = tmp_path_factory.mktemp("second")
     mesh = SMALL_CAPSULE.mesh(0.05)
-    shell = {"second": str(folder / "shell.stl"), "second_chuck_diameter": 14.0, "second_chuck_height": 2.0}
+    shell = {"second": str(folder / "shell.stl"), "second_chuck_diameter": 30.0, "second_chuck_height": 2.0}
     job = SMALL.with_values(holding={"parting": True, **shell})
     bonecam.clamping_shell(mesh, job, output=folder / "shell.stl", wall=2.0)
     files: dict[str, Any] = {"program": "bone.h", "keep": "keep", "html": "bone.html", "sheet": "sheet.html"}

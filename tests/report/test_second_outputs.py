@@ -95,7 +95,7 @@ def test_the_page_shows_the_moves_of_the_second_text(second, contents):
     np.testing.assert_array_equal(arrays["move_line"], motions.lines)
     assert facts["program"]["time"] == str(second.program.time)
     assert facts["summary"].startswith("second    bone.second.h: ")
-    assert facts["chuck"] == {"radius": 7.0, "top": 2.0, "bottom": 0.0}
+    assert facts["chuck"] == {"radius": 15.0, "top": 2.0, "bottom": 0.0}
     assert facts["left"]["area"] == second.removal.left.area
     np.testing.assert_allclose(arrays["solid"].min(axis=0)[2], 0.0, atol=0.001)
     zero = second.clamping.pose[2, 3]
@@ -198,7 +198,7 @@ def test_the_sheet_has_a_page_for_each_clamping(second_run, second, browser):
         *report["time_texts"],
         f"stump \u2300 {second.job.holding.diameter:g}",
         f"Z {second.clamping.top - second.program.zero_height:.2f}",
-        "chuck \u2300 14 x 2",
+        "chuck \u2300 30 x 2",
         f"Gouge of the part by the ball: {1000 * report['gouge_max_mm']:.2f} µm at most",
         f"A ball goes {report['gouge_to_given_max_mm']:.3f} mm into the mesh as given at most",
         f"The tool stays {report['removal']['clearance_mm']['shell']:.2f} mm from the shell",
@@ -330,6 +330,10 @@ def test_one_command_makes_shell_and_both_programs(tmp_path, capsys):
     job.write_text(write_job(SMALL), encoding="utf-8")
     command = ["convert", str(part), "-o", str(tmp_path / "bone.h"), "--whole", "--job", str(job)]
     assert main(command) == 0
-    assert {"bone.h", "bone.second.h", "bone.shell.stl"} <= {path.name for path in tmp_path.iterdir()}
+    printed = {"bone.shell.print.stl", "bone.shell.print.3mf"}
+    assert {"bone.h", "bone.second.h", "bone.shell.stl", *printed} <= {path.name for path in tmp_path.iterdir()}
+    text = (tmp_path / "bone.second.h").read_text(encoding="utf-8")
+    assert re.search(r"DATUM: THE FLAT OF THE SHELL, TO WHICH ITS\b", re.sub(r"\s+\d+ ;\s*", " ", text).upper())
+    assert "A PIN OF 4.00 MM" in text.upper()
     assert main([*command, "--set", "holding.parting=true", "--set", "holding.second=own.stl"]) == 2
     assert "--whole makes a shell: leave one of them out" in capsys.readouterr().err

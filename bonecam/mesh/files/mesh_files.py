@@ -3,7 +3,7 @@
 The three letters tell where x, y and z point: Left or Right, Anterior or Posterior, Superior or Inferior. LPS (DICOM)
 and RAS (3D Slicer inside) are right-handed; coordinates in left-handed axes are a mirror image of the bone.
 
-Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, VTU, GLB, 3MF in; PLY and STL out, through MeshLab.
+Mesh files: STL (binary, ASCII), PLY, OBJ, OFF, VTK, VTP, VTU, GLB, 3MF in; PLY, STL and 3MF out, through MeshLab.
 
 `read_mesh_file` reads every kind of part file: for STEP, IGES, SAT, DXF and point clouds it asks the modules that
 know them. Coordinates are read and written as they stand in the file; `bonecam.mesh.units` gives them their
@@ -97,7 +97,7 @@ READABLE = (*MESHES, *SCENES, *CAD, *POINTS)
 """Endings of the files that `read_mesh` reads."""
 UTF_8 = b"\xef\xbb\xbf"
 """Bytes that some programs begin a text with."""
-WRITABLE = (".ply", ".stl")
+WRITABLE = (".ply", ".stl", ".3mf")
 """Endings of the files that `write_mesh` writes."""
 
 
@@ -241,7 +241,7 @@ def _round_points(file: Path, points: Float[ndarray, "n 3"]) -> TriangleMesh:
 def write_mesh(
     mesh: TriangleMesh, path: str | Path, quality: Float[ndarray, " n"] | None = None, largest: float = 0.0
 ) -> None:
-    """Write `mesh` as binary PLY or STL, whole or not at all.
+    """Write `mesh` as binary PLY or STL, or as 3MF, which says that it is in mm, whole or not at all.
 
     `quality` is a number a vertex (PLY only), coloured from 0 to `largest` where that is given.
     """
@@ -258,16 +258,16 @@ def write_mesh(
     meshset = meshlab().MeshSet()
     meshset.add_mesh(meshlab().Mesh(mesh.vertices, mesh.faces, **extra))
     shown = quality is not None and largest > 0
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = {} if target.suffix.lower() == ".3mf" else {"binary": True}
     if target.suffix.lower() == ".ply":
-        options = {"save_vertex_quality": quality is not None, "save_vertex_color": shown}
+        options |= {"save_vertex_quality": quality is not None, "save_vertex_color": shown}
     if shown:
         meshset.compute_color_from_scalar_per_vertex(**quality_colours(largest))
     with whole_file(target) as work:
         saved = work.with_name(f"mesh{target.suffix.lower()}")  # a name that MeshLab can write
         try:
             with library_name(saved.parent) as folder:
-                meshset.save_current_mesh(str(Path(folder) / saved.name), binary=True, **options)
+                meshset.save_current_mesh(str(Path(folder) / saved.name), **options)
         except meshlab().PyMeshLabException as error:  # which says only that the output failed: the disk is full
             raise file_error(
                 target, "cannot be written (is the disk full?)", "make room there or choose another folder"
