@@ -77,14 +77,14 @@ def morphed():
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory, phalanx, morphed):
-    folder, morph_part = tmp_path_factory.mktemp("chain"), pipeline.morph_part
+    folder, morph_standing = tmp_path_factory.mktemp("chain"), pipeline.morph_standing
 
     def told(*given, **named):
-        morphed.append(morph_part(*given, **named))
+        morphed.append(morph_standing(*given, **named))
         return morphed[0]
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(pipeline, "morph_part", told)
+        patched.setattr(pipeline, "morph_standing", told)
         result = bonecam.convert(
             phalanx, COARSE, program=folder / "bone.h", keep=folder / "keep", report=folder / "report.json"
         )
@@ -101,7 +101,7 @@ def again(tmp_path_factory, phalanx, chain, morphed):
     files = ["-o", str(folder / "bone.h"), "--report", str(folder / "report.json")]
     with redirect_stdout(StringIO()) as told, pytest.MonkeyPatch.context() as patched:
         patched.setattr(bonecam_meshes, "path", lambda name: {"phalanx": phalanx}[name])
-        patched.setattr(pipeline, "morph_part", lambda *_, **__: morphed[0])
+        patched.setattr(pipeline, "morph_standing", lambda *_, **__: morphed[0])
         assert main(["demo", *files, "--job", str(job), "--no-simulation"]) == 0
     return folder, told.getvalue()
 

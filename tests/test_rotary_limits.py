@@ -29,7 +29,7 @@ def test_a_turntable_with_limits_gets_a_program_that_keeps_them(low, high, orien
     file = tmp_path / "limited.toml"
     file.write_text(text.replace("endless = true", f"limits_deg = [{low}.0, {high}.0]"), encoding="utf-8")
     job = JOB.with_values(nc={"machine": str(file)}, path={"orientation": orientation})
-    monkeypatch.setattr(pipeline, "morph_part", lambda mesh, job, *_, **__: replace(levels, job=job))
+    monkeypatch.setattr(pipeline, "morph_standing", lambda standing, *_: replace(levels, job=standing.job))
     made = bonecam.convert(levels.part.given, job, program=tmp_path / "bone.h")
     machine, dialect = read_machine(file), read_dialect("heidenhain")
     motions = read_program((tmp_path / "bone.h").read_text(encoding="utf-8"), machine, dialect)

@@ -103,9 +103,9 @@ def measure_gouge(motions: Motions, part: Distances, slack: float = SLACK) -> Go
     controls = [motions.controls[number] for number in motions.tools.tolist()]
     radius, heights = np.array([(one.radius, one.centre_height) for one in controls]).T
     centres = motions.tips + heights[:, None] * motions.axes
-    # far from the part, half of the longest move beside it is enough to keep the ball clear of it
+    # far from the part, half of the longest move beside it is enough to keep the ball clear of it by the slack
     steps = np.r_[0.0, np.linalg.norm(np.diff(centres, axis=0), axis=1), 0.0]
-    distance = part.signed(centres, radius + np.maximum(steps[:-1], steps[1:]) / 2)
+    distance = part.signed(centres, radius + slack + np.maximum(steps[:-1], steps[1:]) / 2)
     depths = radius - distance
     worst = int(np.argmax(depths))
     depth = float(depths[worst])
@@ -194,7 +194,7 @@ def _divide(spans: _Spans, run: _Run) -> tuple[_Spans, Float[ndarray, "p"], Floa
     tips, axes = run.control.between(words[run.moves[move] - 1], words[run.moves[move]], end)
     last = tips + run.control.centre_height * axes
     far = spans.far[owner].copy()
-    wanted = run.control.radius + (spans.length / pieces)[owner[~is_last]]
+    wanted = run.control.radius + run.slack + (spans.length / pieces)[owner[~is_last]]
     far[~is_last] = run.part.signed(last[~is_last], wanted)
     is_first = place == 0
     first = np.where(is_first[:, None], spans.first[owner], np.roll(last, 1, axis=0))

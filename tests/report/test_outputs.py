@@ -148,7 +148,7 @@ def test_convert_keeps_what_its_simulation_refuses(small_run, tmp_path, monkeypa
     def refuse(*_, **__):
         raise VerifyError("line 9: a cut is too deep: report it", line=9, place=(2.5, 0.0, 65.0))
 
-    for stage in ("morph_part", "machine_levels"):
+    for stage in ("with_second", "morph_standing", "machine_levels"):
         monkeypatch.setattr(pipeline, stage, lambda *_, **__: result)
     monkeypatch.setattr(pipeline, "prove_removal", refuse)
     with pytest.raises(VerifyError, match="a fault of bonecam"):
