@@ -35,7 +35,7 @@ from bonecam.mesh.triangle_mesh import TriangleMesh, keep_faces
 from bonecam.planning.axes.lead import check_lead
 from bonecam.planning.contacts import at_post
 from bonecam.planning.estimate import LayersToCut
-from bonecam.planning.neck import Neck, neck_diameters, ranking, shortest_neck
+from bonecam.planning.neck import Neck, neck_diameters, ranking, shortest_neck, wanted_of
 from bonecam.planning.post_length import STOCK_CHORD
 from bonecam.setup.placement import Setup
 from bonecam.text.numbers import shown
@@ -68,9 +68,9 @@ FEW = "has no ball ends for all sections: add some, or state the radius of every
 HOPEFUL = 1.3
 """Other necks are tried for the sets that cost no more than so many times the best on the thickest."""
 EQUAL = 1.1
-"""T is as accurate as this: of sets that it cannot tell apart the one with the least stress is taken."""
-STRESS_STEP = 20.0
-"""Stresses are told apart in steps of this, MPa."""
+"""T is as accurate as this: of sets that it cannot tell apart one with little stress is taken."""
+LITTLE = 0.75
+"""Stress in a neck is little below this share of what it may be."""
 SHOWN = 3
 """Sets that are reported."""
 
@@ -213,9 +213,8 @@ class _Trial:
         ]
         found.sort(key=_order)
         equal = [one for one in found if one.neck.holds and one.cost <= EQUAL * found[0].cost]
-        best = min(
-            equal or found[:1], key=lambda one: (round(one.neck.stress_mpa / STRESS_STEP), one.cost), default=None
-        )
+        little = LITTLE * wanted_of(found[0].job)["stress_mpa"] if found else 0.0
+        best = min(equal or found[:1], key=lambda one: (one.neck.stress_mpa > little, one.cost), default=None)
         return sorted(found, key=lambda one: one is not best)
 
     def finer(self, taken: CutterSet, listed: Sequence[ListedTool]) -> dict[str, Any]:
