@@ -15,7 +15,6 @@ from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.distance import MeshDistance
 from bonecam.mesh.solids import solid_union
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh
-from bonecam.nc.parts import is_split
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import machine_and_dialect
@@ -88,7 +87,7 @@ def finish(
     if simulation and mechanics:
         mechanics_of_job(job)
     source = Path(surface) if isinstance(surface, str | Path) else None
-    wanted = Outputs(program, keep, report, html=html, apt=apt, split=is_split(job.nc))
+    wanted = Outputs(program, keep, report, html=html, apt=apt, split=job.nc.is_split)
     wanted.check(source, dialect)
     solids = [solid for solid in (part, *obstacles) if solid is not None]
     check_files([program, report, html, apt], solids)

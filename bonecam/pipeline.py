@@ -16,7 +16,6 @@ from bonecam.machining import Posting, check_force_asked, machine_levels, morph_
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh.triangle_mesh import MeshLike, TriangleMesh, mesh_from
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.parts import is_split
 from bonecam.nc.requirements import check_reach, check_table, check_tools, job_dialect, machine_and_dialect, second_job
 from bonecam.plugins import added_figures, check_added
 from bonecam.progress import Progress, part, silent
@@ -82,7 +81,7 @@ def convert(
         sheet=sheet,
         apt=apt,
         second=bool(job.holding.second),
-        split=is_split(job.nc),
+        split=job.nc.is_split,
         probe=job.nc.probe,
     )
     given, source = _given(mesh)

@@ -268,7 +268,8 @@ def with_second(
             report(progress, 0.0, f"foretelling the second clamping in a shell of {np.ptp(shell.bounds[:, 2]):.1f} mm")
             before = foretold
             try:
-                check_shell(shell, body.mesh, job.holding)
+                if made is not None:  # one that is read has been checked
+                    check_shell(shell, body.mesh, job.holding)
                 check_second(shell, body.mesh, standing.setup.post, job)
                 foretold += 1
                 room = foretell_second(tried, shell, machine, progress, mechanics=mechanics)

@@ -47,7 +47,6 @@ from bonecam.machine.machine import read_machine
 from bonecam.mesh.files.label_map import LABEL_MAPS
 from bonecam.mesh.files.mesh_files import READABLE, ending_of
 from bonecam.nc.dialect import Dialect
-from bonecam.nc.parts import is_split
 from bonecam.nc.probing import probing_file
 from bonecam.nc.program import check_file_name, second_program_file
 from bonecam.nc.requirements import job_dialect
@@ -372,7 +371,7 @@ def _check_jobs(parts: Sequence[BatchPart], folder: Path) -> None:
         try:
             program = folder / f"{part.name}{dialect.extension}"
             probe = part.job.nc.probe
-            check_file_name(program, dialect, second=second, split=is_split(part.job.nc), probe=probe)
+            check_file_name(program, dialect, second=second, split=part.job.nc.is_split, probe=probe)
             if probe and probing_file(program).stem in names:
                 raise FileError(f"{program}: {probing_file(program).name} is the program of another part: name it anew")
         except FileError as error:

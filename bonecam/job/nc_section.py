@@ -145,6 +145,11 @@ class NcJob(JobSection):
     )
 
     @property
+    def is_split(self) -> bool:
+        """Whether the program is wanted in more than one file."""
+        return self.split != "none" or self.split_blocks > 0
+
+    @property
     def one_piece(self) -> bool:
         """Whether the program is one file without a stop at each level."""
-        return self.split == "none" and not self.split_blocks and self.optional_stop != "level"
+        return not self.is_split and self.optional_stop != "level"

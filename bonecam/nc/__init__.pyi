@@ -6,7 +6,6 @@ from .feeds import fastest_cut as fastest_cut
 from .header import record_simulation as record_simulation
 from .motions import Motions as Motions
 from .motions import Tool as Tool
-from .parts import is_split as is_split
 from .parts import joined as joined
 from .parts import part_count as part_count
 from .parts import write_program_files as write_program_files

@@ -87,11 +87,6 @@ class Section(NamedTuple):
         return len(self.lines) - sum(mark is not None and line.endswith(mark) for line in self.lines)
 
 
-def is_split(nc: NcJob) -> bool:
-    """Whether a job wants its program in more than one file."""
-    return nc.split != "none" or nc.split_blocks > 0
-
-
 def marked_parts(sections: Sequence[Section], caller: str, dialect: Dialect, nc: NcJob) -> list[str]:
     """The lines of all sections, with the marks between which each file of the program `caller` has its own."""
     files = grouped(sections, dialect, nc)

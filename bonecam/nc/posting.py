@@ -48,7 +48,7 @@ from bonecam.nc.header import (
     zero_text,
     zero_words,
 )
-from bonecam.nc.parts import Section, is_split, marked_parts
+from bonecam.nc.parts import Section, marked_parts
 from bonecam.nc.path_words import Posted, axis_minutes, joints_and_lengths, post_path, row_blocks
 from bonecam.nc.program import Program, ProgramTime, program_number
 from bonecam.nc.words import (
@@ -281,7 +281,7 @@ class ProgramWriter:
                 self.moves += int(np.diff(posted.runs[index])[0])
                 blocks += [] if goes and index == len(posted.runs) - 1 else self._retract(posted, index)
             sections.append(Section(posted.path.title, tool, blocks))
-        if is_split(self.job.nc):
+        if self.job.nc.is_split:
             lines += marked_parts(sections, self.name, self.dialect, self.job.nc)
         else:
             lines += [line for section in sections for line in section.lines]
@@ -357,7 +357,7 @@ class ProgramWriter:
         lines = self.dialect.lines("tool_end") if tool is not None and (changes or stops) else []
         lines += self.dialect.lines("optional_stop") if stops else []
         lines += [comment(title, self.dialect)]
-        if tool is not None or is_split(self.job.nc):
+        if tool is not None or self.job.nc.is_split:
             name = plain_text(title, self.dialect.comment_characters)
             lines += self.dialect.lines("restart", title=name, tool=cutter.number, tool_centre_off=self.off)
         finishing = self.job.is_finishing(posted.path.level)

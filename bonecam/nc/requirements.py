@@ -22,7 +22,6 @@ from bonecam.machine.machine import Machine, read_machine
 from bonecam.mesh.triangle_mesh import TriangleMesh
 from bonecam.nc.dialect import Dialect, read_dialect
 from bonecam.nc.header import table_reach
-from bonecam.nc.parts import is_split
 from bonecam.nc.path_words import machine_limits
 from bonecam.nc.rotary import choose_angles
 from bonecam.planning.axes.lead import check_lead
@@ -76,15 +75,15 @@ def job_dialect(nc: NcJob) -> Dialect:
     split = f"nc.{name} = {getattr(nc, name)!r}"
     stops = nc.optional_stop != "none" and not templates.optional_stop
     for asked, missing, template in (
-        (split, is_split(nc) and dialect.calls is None, "a table [calls]"),
-        (split, is_split(nc) and not templates.restart, "a template restart"),
+        (split, nc.is_split and dialect.calls is None, "a table [calls]"),
+        (split, nc.is_split and not templates.restart, "a template restart"),
         (f"nc.optional_stop = {nc.optional_stop!r}", stops, "a template optional_stop"),
         (f"nc.park = {nc.park!r}", nc.park.strip() and not getattr(templates, parks), f"a template {parks}"),
         ("nc.probe = true", nc.probe and not dialect.probe.program, "a table [probe]"),
     ):
         if missing:
             raise _refused(dialect, asked, f"leave it out, or add {template} to its file")
-    if is_split(nc) and dialect.calls is not None:
+    if nc.is_split and dialect.calls is not None:
         changes["needs"] = [*dialect.needs, *dialect.calls.needs]
     if not nc.block_numbers:
         if dialect.grammar == "klartext":

@@ -561,10 +561,6 @@ LIFT_TRAVERSES = (TraverseOptions(one_azimuth=True), TraverseOptions(rise=5.0, o
 its limit stands still."""
 
 
-ON_SURFACE = 1e-6
-"""A pose so much below the clearance surface is on it, mm."""
-
-
 def lift_for_rewinds(path: ToolPath, space: LinkSpace) -> ToolPath:
     """The path with as few lifts as the machine's rotary axes need, where the tool gets away and back without
     collision; MachineError with the level where it does not, or its axes do not reach."""
@@ -610,6 +606,10 @@ def goes_on(before: ToolPath | None, path: ToolPath) -> bool:
     if before is None or (before.level, before.cutter.number) != (path.level, path.cutter.number):
         return False
     return np.array_equal(before.tips[-1], path.tips[0]) and np.array_equal(before.axes[-1], path.axes[0])
+
+
+ON_SURFACE = 1e-6
+"""A pose so much below the clearance surface is on it, mm."""
 
 
 def from_there(before: ToolPath | None, path: ToolPath, space: LinkSpace) -> ToolPath:

@@ -14,7 +14,6 @@ from bonecam.machining import check_one_feed, post_and_prove, refuse_bar
 from bonecam.mechanics.loads import mechanics_of_job
 from bonecam.mesh import MeshDistance
 from bonecam.nc import Dialect, machine_limits
-from bonecam.nc.parts import is_split
 from bonecam.nc.program import program_name
 from bonecam.nc.requirements import machine_and_dialect
 from bonecam.pipeline import check_job
@@ -87,7 +86,7 @@ def blades(
         mechanics_of_job(job)
     several = [blade] if isinstance(blade, str | Path | TSpline) else blade
     inputs = [file for file in (*several, hub, *obstacles) if isinstance(file, str | Path)]
-    wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt, split=is_split(job.nc))
+    wanted = Outputs(program, keep, report, html=html, sheet=sheet, apt=apt, split=job.nc.is_split)
     wanted.check(None, dialect)
     check_files([program, report, html, sheet, apt], inputs)
     name = str(inputs[0]) if inputs else "the blade"

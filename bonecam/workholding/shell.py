@@ -85,21 +85,20 @@ class PrintedShell:
 
     @cached_property
     def solid(self) -> TriangleMesh:
-        """Both halves where they stand, as one mesh of two pieces."""
+        """The shell: both halves round the standing part, as one closed mesh of two pieces, mm."""
         return side_by_side(self.halves)
 
     @property
     def to_print(self) -> TriangleMesh:
-        """Both halves on a printer's bed, mm: the base down on z = 0, APART from one another along the bed's X."""
+        """The shell on a printer's bed, mm: each half with its base down on z = 0, APART from the other along X."""
         turn = np.eye(4)
         down = np.array([0.0, 0.0, -1.0])
         turn[:3, :3] = np.stack([self.split, np.cross(down, self.split), down])
         laid = []
         for half, away in zip(self.halves, (APART / 2, -APART / 2), strict=True):
             low, high = half.move(turn).bounds
-            shift = np.eye(4)
-            shift[:3, 3] = [away - (low[0] if away > 0 else high[0]), 0.0, -low[2]]
-            laid.append(half.move(shift @ turn))
+            beside = away - float(low[0] if away > 0 else high[0])
+            laid.append(half.move(_shift(beside, 0.0, -float(low[2])) @ turn))
         return side_by_side(laid)
 
 

@@ -31,7 +31,7 @@ from bonecam.mesh.distance import MeshDistance
 from bonecam.nc.dialect import Dialect
 from bonecam.nc.feeds import fastest_cut
 from bonecam.nc.header import record_simulation
-from bonecam.nc.parts import is_split, joined, part_count, write_program_files
+from bonecam.nc.parts import joined, part_count, write_program_files
 from bonecam.nc.program import Program, program_name
 from bonecam.nc.reading import read_program
 from bonecam.nc.requirements import job_dialect, machine_and_dialect
@@ -261,7 +261,7 @@ def post(
         raise field_error(
             "nc", "probe", True, "paths that are posted again know no bar: leave it out, or use `convert`"
         )
-    Outputs(program, split=is_split(job.nc)).check(paths, dialect)
+    Outputs(program, split=job.nc.is_split).check(paths, dialect)
     planned, slowed = slowed_cuts(read_paths(Path(paths), origin, job, machine), job)
     check_axes(planned, machine)
     name = program_name(program or paths, dialect)
